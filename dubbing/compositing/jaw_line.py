@@ -6,6 +6,9 @@ the right place, so it is moved back. S is the side of the crop in px, K angles.
 S = 512 and scale with it.
 """
 
+import warnings
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 
@@ -61,6 +64,27 @@ def beside(film: np.ndarray, head: np.ndarray, contour: FaceContour) -> np.ndarr
     apart = radii(film, contour.middle) - radii(head, contour.middle)
     apart[(jaw_share(contour, ANGLES) == 0) | ~(np.abs(apart) < UNLIKE * unit)] = np.nan
     return np.clip(apart, -MOST * unit, MOST * unit)
+
+
+def jaw_lines(looked: np.ndarray, jaws: Sequence[np.ndarray], frames: np.ndarray) -> np.ndarray:
+    """Offsets of the jaw line (F, K) px of frames (F,) of a shot; 0 where they are not known.
+
+    Args:
+        looked: (N,) frames that were compared. jaws: of each, (K,), see `beside`.
+    """
+    out = np.zeros((len(frames), len(ANGLES)), np.float32)
+    if not len(looked):
+        return out
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # of medians of nothing
+        padded = np.pad(np.stack(jaws), ((1, 1), (0, 0)), constant_values=np.nan)
+        steady = np.nanmedian([padded[k : k + len(looked)] for k in range(3)], 0)
+        even = np.nanmedian([np.roll(steady, k, 1) for k in (-1, 0, 1)], 0)
+    for k, column in enumerate(even.T):
+        known = np.isfinite(column)
+        if known.any():
+            out[:, k] = np.interp(frames, looked[known], column[known])
+    return out
 
 
 def moved(

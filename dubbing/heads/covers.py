@@ -7,8 +7,6 @@ frames, S side of the crop in px, H and W as in `comparison`.
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,7 +19,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from dfrf.method_interface import Maps, Method
 from dfrf.model_interface import HeadModel
 from dfrf.presets import method_of
-from dubbing.compositing.jaw_line import ANGLES
+from dubbing.compositing.jaw_line import ANGLES, jaw_lines
 from dubbing.engine.disk.files import atomic_path
 from dubbing.engine.graph.stage import Progress
 from dubbing.face.finding.hand_finder import HandFinder
@@ -44,6 +42,9 @@ from dubbing.preparation.prepared import PreparedClip
 
 TYPICAL = 60  # frames of a shot from which is known what differs usually
 EVERY = 3  # frames between two that are looked at first
+# Of a logarithm: what differs more lies over the face, even if it is there all through a shot,
+# unless it has the face's colours, as a shadow has.
+MOST_USUAL = 0.18
 BESIDE = 6  # frames round one with something over the face
 RUN = 500  # frames at most that are looked at together
 FITTING = 0.2  # eye distances of a firm point from that of the mean face
@@ -129,10 +130,11 @@ def _covers(
         looked = list(comparison.look(some))
         spread = np.unique(np.linspace(0, len(some) - 1, TYPICAL).round().astype(int))
         usual = usual_difference(np.stack([looked[k].apart for k in spread]))
+        always = np.minimum(usual, MOST_USUAL)
         flagged = [
             t
             for t, c in zip(some, looked, strict=True)
-            if unexplained(c, usual).any() or is_awry(c, usual)
+            if unexplained(c, always).any() or is_awry(c, usual)
         ]
         near = frames[np.isin(frames, np.add.outer(flagged, np.arange(-BESIDE, BESIDE + 1)))]
         free = ~np.isin(some, near)
@@ -140,7 +142,7 @@ def _covers(
         for run in runs_of(near):
             clip, awry = _with_poses_mended(method, maps, clip, run, usual)
             compared = list(Comparison(method, maps, clip).look(run))
-            seeds = steady([unexplained(c, usual) for c in compared])
+            seeds = steady([unexplained(c, always) for c in compared])
             found = followed(compared, seeds)
             hands = HandFinder().follow(images(clip, run))
             parts = zip(run.tolist(), compared, found, seeds, hands, strict=True)
@@ -150,31 +152,10 @@ def _covers(
                 cover = told_apart(seen, mask, sure, held, placed)
                 if cover is not None:
                     over[t] = cover
-                elif is_large(seen, sure) or t in awry:
+                elif is_large(seen, sure & unexplained(seen, usual)) or t in awry:
                     hidden.add(t)
     clip = replace(clip, jaw=jaw)
     return clip, over, lasting(hidden, BRIEF * float(clip.rate))
-
-
-def jaw_lines(looked: np.ndarray, jaws: Sequence[np.ndarray], frames: np.ndarray) -> np.ndarray:
-    """Offsets of the jaw line (F, K) px of frames (F,) of a shot; 0 where they are not known.
-
-    Args:
-        looked: (N,) frames that were compared. jaws: of each, (K,), see `jaw_line.beside`.
-    """
-    out = np.zeros((len(frames), len(ANGLES)), np.float32)
-    if not len(looked):
-        return out
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # of medians of nothing
-        padded = np.pad(np.stack(jaws), ((1, 1), (0, 0)), constant_values=np.nan)
-        steady = np.nanmedian([padded[k : k + len(looked)] for k in range(3)], 0)
-        even = np.nanmedian([np.roll(steady, k, 1) for k in (-1, 0, 1)], 0)
-    for k, column in enumerate(even.T):
-        known = np.isfinite(column)
-        if known.any():
-            out[:, k] = np.interp(frames, looked[known], column[known])
-    return out
 
 
 def told_apart(

@@ -18,6 +18,7 @@ from dubbing.engine.graph.stage import ReportShare
 from dubbing.face.mesh_points import FACE_OVAL, NOSE_BASE
 from dubbing.face.mouth.mouth_shape import INNER_LIP, OUTER_LIP
 from dubbing.media import MediaInfo, VideoWriter
+from dubbing.preparation.covering.letters import beside, veils
 from dubbing.preparation.covering.occlusion import regions
 from dubbing.preparation.covering.usual_colours import (
     EYES,
@@ -45,6 +46,8 @@ LEAST_SHARE = 0.2  # of a detection's pixels that are not of a skin colour
 AROUND = 100  # frames before and after a detection in which the graphic may be visible
 LINE = 0.3  # eye distances that the rows of a graphic extend beyond its detections
 OUTLINE = 0.07  # eye distances round its colours: outlines and shadows of letters
+EVEN = 0.65  # share of its colours in the pixels round one of an even surface
+AROUND_EVEN = np.ones((3, 3), np.uint8)  # round it: its edge, blurred by an encoder
 
 
 @dataclass(frozen=True)
@@ -181,7 +184,8 @@ class Overlay:
         mask[~near_face] = 0
         mask[settled & ~_over_face(exact, points)] = 0
         if not any(detection.at_mouth for detection in near if abs(detection.frame - t) < EVERY):
-            mask[mouth(points, eyes, (size, size))] = 0
+            lips = mouth(points, eyes, (size, size)).astype(np.uint8)
+            mask[(lips > 0) & (beside(mask, lips) == 0)] = 0
         reach = max(2, round(OUTLINE * eyes))
         round_ = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
         closed = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, round_)
@@ -189,7 +193,13 @@ class Overlay:
         # Of a lip or a glint a few pixels have a graphic's colour, too.
         small = np.flatnonzero(stats[:, cv2.CC_STAT_AREA] < LEAST_AREA * eyes**2)
         closed[np.isin(piece, small)] = 0
-        return np.asarray(cv2.dilate(closed, round_) * 255)
+        # An even surface ends where it ends; letters have outlines and shadows.
+        dense = cv2.blur(mask.astype(np.float32), (4 * reach + 1,) * 2) > EVEN
+        even = cv2.morphologyEx(np.where(dense, closed, 0), cv2.MORPH_OPEN, round_)
+        even = np.maximum(even, veils(image, closed))
+        letters = np.where(cv2.dilate(even, round_), 0, closed)
+        parts = cv2.dilate(letters, round_), cv2.dilate(even, AROUND_EVEN)
+        return np.asarray(np.maximum(*parts) * 255)
 
     def _places(self, t: int, usual: UsualColours) -> tuple[np.ndarray, np.ndarray]:
         """Pixels (S, S) bool whose usual colours are known, and those that never change."""

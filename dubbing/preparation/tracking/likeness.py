@@ -29,7 +29,7 @@ PARTS = (
 # Scale of the differences, mostly those between frames of one person.
 SHAPE_SCALE = 0.0102  # units of 10 cm; meshes of small faces are rough
 COLOUR_SCALE = np.array([8.9, 2.1, 2.2, 5.2, 1.1, 0.7])  # L, a, b: means, then spreads
-UNLIKE = 6.0  # mean square of a part's differences: beyond, a caption or a hand lies over it
+UNLIKE = 9.0  # mean square of a part's differences: beyond, a caption or a hand lies over it
 
 
 def looks(image: np.ndarray, points: np.ndarray) -> np.ndarray:

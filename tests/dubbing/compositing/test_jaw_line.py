@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dubbing.compositing.composite import replacement
-from dubbing.compositing.jaw_line import ANGLES, MOST, UNSURE, beside, moved, radii
+from dubbing.compositing.jaw_line import ANGLES, MOST, UNSURE, beside, jaw_lines, moved, radii
 from dubbing.face.face_contour import face_contour
 from dubbing.preparation.prepared import FilmFrame
 from tests import fakes
@@ -87,3 +87,27 @@ def test_a_composite_has_the_jaw_where_the_film_has_it() -> None:
         made, _ = replacement(frame, rendered)
         chins.append(int(np.flatnonzero(made[:, int(CONTOUR.middle[0]), 0] > 110)[-1]))
     assert chins[1] - chins[0] in range(5, 9)
+
+
+def test_a_jaw_line_between_looks_lies_between_theirs() -> None:
+    looked = np.array([3, 6, 9, 12])
+    jaws = [np.full(len(ANGLES), offset) for offset in (2.0, 4.0, 6.0, 8.0)]
+    found = jaw_lines(looked, jaws, np.arange(3, 13))
+    np.testing.assert_allclose(found[3:7, 0], np.linspace(4, 6, 4), rtol=1e-6)
+    assert np.isfinite(found).all()
+
+
+def test_a_jaw_line_of_one_look_alone_is_chance() -> None:
+    jaws = [np.zeros(len(ANGLES)) for _ in range(5)]
+    jaws[2][:] = 9.0
+    jaws[3][10] = -9.0
+    assert not jaw_lines(np.arange(5), jaws, np.arange(5)).any()
+
+
+def test_where_no_jaw_line_is_known_nothing_is_moved() -> None:
+    jaws = [np.full(len(ANGLES), np.nan) for _ in range(3)]
+    jaws[1][4:9] = 3.0
+    found = jaw_lines(np.arange(3), jaws, np.arange(3))
+    np.testing.assert_array_equal(found[:, 5:8], 3.0)
+    assert not found[:, 20:].any()
+    assert not jaw_lines(np.zeros(0, int), [], np.arange(3)).any()

@@ -6,7 +6,6 @@ import cv2
 import numpy as np
 import pytest
 
-from dubbing.compositing.jaw_line import ANGLES
 from dubbing.heads.comparison import Compared, H, W, is_awry, to_face, usual_difference
 from dubbing.heads.cover_cut import (
     followed,
@@ -16,7 +15,7 @@ from dubbing.heads.cover_cut import (
     steady,
     unexplained,
 )
-from dubbing.heads.covers import jaw_lines, lasting, runs_of, told_apart
+from dubbing.heads.covers import lasting, runs_of, told_apart
 from tests import fakes
 
 FACE = np.zeros((H, W), bool)
@@ -195,27 +194,3 @@ def test_frames_in_a_row_are_looked_at_together() -> None:
 def test_a_face_is_not_hidden_for_a_blink() -> None:
     assert lasting({3, 4, 5, 20, 21, 22, 23, 24, 25, 26, 27}, 7.5) == set(range(20, 28))
     assert lasting(set(), 7.5) == set()
-
-
-def test_a_jaw_line_between_looks_lies_between_theirs() -> None:
-    looked = np.array([3, 6, 9, 12])
-    jaws = [np.full(len(ANGLES), offset) for offset in (2.0, 4.0, 6.0, 8.0)]
-    found = jaw_lines(looked, jaws, np.arange(3, 13))
-    np.testing.assert_allclose(found[3:7, 0], np.linspace(4, 6, 4), rtol=1e-6)
-    assert np.isfinite(found).all()
-
-
-def test_a_jaw_line_of_one_look_alone_is_chance() -> None:
-    jaws = [np.zeros(len(ANGLES)) for _ in range(5)]
-    jaws[2][:] = 9.0
-    jaws[3][10] = -9.0
-    assert not jaw_lines(np.arange(5), jaws, np.arange(5)).any()
-
-
-def test_where_no_jaw_line_is_known_nothing_is_moved() -> None:
-    jaws = [np.full(len(ANGLES), np.nan) for _ in range(3)]
-    jaws[1][4:9] = 3.0
-    found = jaw_lines(np.arange(3), jaws, np.arange(3))
-    np.testing.assert_array_equal(found[:, 5:8], 3.0)
-    assert not found[:, 20:].any()
-    assert not jaw_lines(np.zeros(0, int), [], np.arange(3)).any()
