@@ -15,6 +15,7 @@ from dubbing.manifest.keys.yaml_lines import KeyPath
 from dubbing.manifest.scenes.scenes import film_of, inspect_scene, whole_audio, without_lines
 from dubbing.media import MediaInfo
 from dubbing.media.probing.fields import looks_interlaced
+from dubbing.media.properties.film_values import space_of
 from dubbing.media.writing.muxing import MOST_CHANNELS, SOUND
 from dubbing.provenance import card
 from dubbing.script import timeline
@@ -76,7 +77,7 @@ def _identity(findings: Findings, name: str, identity: Identity) -> None:
         findings.add((*at, *key), problem)
     _speech(findings, at, identity)
     _faces(findings, at, identity)
-    _sequences(findings, at, identity)
+    _options(findings, at, identity)
     info = findings.media.get(identity.clip)
     if info is None or info.picture is None:
         return
@@ -100,10 +101,20 @@ def _identity(findings: Findings, name: str, identity: Identity) -> None:
         )
 
 
-def _sequences(findings: Findings, at: KeyPath, identity: Identity) -> None:
-    if identity.sequence_options and not any(numbered(film) for film in identity.films):
-        key = "colour" if identity.rate is None else "rate"
-        findings.add((*at, key), "is for image sequences, and no clip is one; leave it out")
+def _options(findings: Findings, at: KeyPath, identity: Identity) -> None:
+    if identity.rate is not None and not identity.sequences:
+        findings.add((*at, "rate"), "is for image sequences, and no clip is one; leave it out")
+    if (colour := identity.colour) is None:
+        return
+    for key, name in colour.spaces.items():
+        try:
+            space_of(name)
+        except MediaError as error:
+            findings.add((*at, "colour", key), str(error))
+    films = {plain(film) for film in identity.films}
+    for k, clip in enumerate(colour.clips):
+        if plain(clip) not in films:
+            findings.add((*at, "colour", "clips", k), f"{plain(clip)} is no clip of {at[-1]}")
 
 
 def _faces(findings: Findings, at: KeyPath, identity: Identity) -> None:
@@ -120,31 +131,35 @@ def _picture(findings: Findings, name: str, info: MediaInfo, at: KeyPath) -> Non
     """Properties of a clip that results cannot keep: problems, or warnings if it looks right."""
     picture = info.picture
     assert picture is not None  # a clip has one
+    file = plain(info.path).name
     if info.variable_rate:
         findings.warn(
-            f"identities.{name}: {info.path.name} has a variable frame rate;"
+            f"identities.{name}: {file} has a variable frame rate;"
             f" it is read at {float(info.rate):g} a second"
         )
-    if picture.colour.high_range:
-        message = f"{info.path} is HDR ({picture.colour.high_range}), which is not kept as yet"
-        remedy = "give an SDR version of it, or an image sequence and its `colour`"
-        findings.add(at, f"{message}: {remedy}")
+    if info.values.film:
+        info.values.check()
+        shown = info.values.working or "sRGB"
+        findings.warn(f"identities.{name}: {file} is {info.values.film}; faces are made in {shown}")
+    if picture.dynamic:
+        what = f"{', '.join(picture.dynamic)} of {file}"
+        findings.warn(f"identities.{name}: {what} is not in the results; make it anew of them")
     if picture.interlaced:
-        message = f"{info.path} is interlaced: its frames are two moments each"
+        message = f"{plain(info.path)} is interlaced: its frames are two moments each"
         findings.add(at, f"{message}; deinterlace it first")
     elif _looks_interlaced(info):
         findings.warn(
-            f"identities.{name}: {info.path.name} looks interlaced, though nothing in it says so:"
+            f"identities.{name}: {file} looks interlaced, though nothing in it says so:"
             " deinterlace it first if moving edges are combs"
         )
     if not picture.square:
         findings.warn(
-            f"identities.{name}: the pixels of {info.path.name} are not square; those of the"
+            f"identities.{name}: the pixels of {file} are not square; those of the"
             f" results are: {info.width}x{info.height}"
         )
     if picture.pixels.bits > 8:
         findings.warn(
-            f"identities.{name}: {info.path.name} has {picture.pixels.bits} bits a colour; heads"
+            f"identities.{name}: {file} has {picture.pixels.bits} bits a colour; heads"
             " are rendered with 8, and the codec h264 writes 8"
         )
 
@@ -201,8 +216,19 @@ def _dub(findings: Findings, place: int, dub: Dub, identities: Mapping[str, Iden
         findings.scenes[place] = edited(findings, at, dub, scene, identities)
         provenance_checks.inspect_film(findings, at, dub, scene.clip)
         sound_checks.of_dub(findings, at, dub, scene)
+        _codec(findings, at, dub, scene)
         _delivery(findings, at, dub, scene)
         _slow(findings, dub, scene, identities)
+
+
+def _codec(findings: Findings, at: KeyPath, dub: Dub, scene: Scene) -> None:
+    """Check that a codec holds the film's own values."""
+    film = findings.media[scene.clip]
+    own = dub.frame == "full" and not numbered(scene.clip)
+    if own and film.values.film and dub.codec == "h264":
+        what = f"h264 has 8 bits, too few for {film.values.film} of {plain(scene.clip).name}"
+        others = "hevc, prores, prores4444, dnxhr or ffv1"
+        findings.add((*at, "codec"), f"{what}: choose {others}")
 
 
 def _delivery(findings: Findings, at: KeyPath, dub: Dub, scene: Scene) -> None:
@@ -211,7 +237,7 @@ def _delivery(findings: Findings, at: KeyPath, dub: Dub, scene: Scene) -> None:
         return
     key = (*at, "deliver")
     if not numbered(scene.clip):
-        findings.add(key, f"{scene.clip.name} is no image sequence; leave it out")
+        findings.add(key, f"{plain(scene.clip).name} is no image sequence; leave it out")
     elif dub.frame == "crop":
         findings.add(key, "is of whole frames; leave frame out")
     elif scene.on_longer_audio not in ("cut", "fail") and (

@@ -58,6 +58,7 @@ def covers_film(films: tuple[Path | str, ...], clip: Path) -> bool:
     if any(isinstance(film, Path) and _same(film, clip) for film in films):
         return True
     digests = {film.casefold() for film in films if isinstance(film, str)}
+    clip = plain(clip)
     return bool(digests) and clip.is_file() and sha256_of(clip) in digests
 
 

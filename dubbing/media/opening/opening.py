@@ -13,6 +13,7 @@ from typing import Any
 import av
 import ffmpeg
 
+from dubbing.engine.disk.numbered import plain
 from dubbing.errors import MediaError
 
 PROTOCOLS = "file,pipe"
@@ -46,7 +47,7 @@ def address(path: Path | str) -> str:
     """
     if (text := os.fsencode(path).decode(errors="replace")) != str(path):
         raise MediaError("its name or folder is not valid UTF-8", text, "rename it")
-    return f"file:{os.path.abspath(path)}"
+    return f"file:{os.path.abspath(plain(Path(path)))}"
 
 
 def opened(path: Path | str, *, short_packets: bool = False) -> av.container.InputContainer:
@@ -133,7 +134,7 @@ def into(path: Path | str | None, *streams: Stream, **options: Any) -> Graph:
 def _begins_as_playlist(path: Path | str) -> bool:
     """Whether a file is a playlist; ffmpeg would read one that is named like raw audio."""
     try:
-        with open(path, "rb") as file:
+        with open(plain(Path(path)), "rb") as file:
             begin = file.read(64)
     except (OSError, ValueError):
         return False  # opening it reports the error

@@ -4,14 +4,14 @@ Every packet is read (not decoded), so counts are those of the file, not of its 
 """
 
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
 
 import av
 import numpy as np
 
-from dubbing.engine.disk.numbered import numbered
+from dubbing.engine.disk.numbered import numbered, options_of, plain
 from dubbing.engine.disk.unchanged import while_unchanged
 from dubbing.errors import MediaError
 from dubbing.media.opening.opening import opened
@@ -19,7 +19,8 @@ from dubbing.media.opening.tracks import Track, heard_tracks
 from dubbing.media.probing.fields import is_flagged
 from dubbing.media.probing.timecode_track import timecode_of
 from dubbing.media.probing.whole import check_frames, check_whole
-from dubbing.media.properties.colour import colour_of
+from dubbing.media.properties.colour import colour_of, dynamic_metadata
+from dubbing.media.properties.film_values import FilmValues
 from dubbing.media.properties.frame_rate import choose_rate
 from dubbing.media.properties.info import MediaInfo, Picture
 from dubbing.media.properties.native import PixelFormat
@@ -42,7 +43,7 @@ def probe(path: Path | str) -> MediaInfo:
     path = Path(path)
     if numbered(path):
         return sequence.probe(path)
-    if not os.path.isfile(path):
+    if not os.path.isfile(plain(path)):
         raise MediaError("no such file", str(path))
     return _probe(path)
 
@@ -51,7 +52,10 @@ def probe(path: Path | str) -> MediaInfo:
 def _probe(path: Path) -> MediaInfo:
     try:
         with opened(path) as container:
-            return _read(path, container)
+            info = _read(plain(path), container)
+            return replace(
+                info, path=path, values=FilmValues.of(options_of(path), info.colour.space)
+            )
     except (av.FFmpegError, ValueError) as error:
         raise MediaError("not a readable media file", str(path), str(error)) from error
 
@@ -241,4 +245,5 @@ def _picture(path: Path, video: av.video.stream.VideoStream, keys: list[int]) ->
         interlaced=bool(frame.interlaced_frame) or is_flagged(path, video.index, keys, pixels),
         square=not aspect or aspect == 1,
         pixels=PixelFormat.holding(frame.format.name),
+        dynamic=dynamic_metadata(frame),
     )

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from dubbing.errors import MediaError
 from dubbing.media.properties.colour import Colour
+from dubbing.media.properties.film_values import AS_SHOWN, FilmValues
 from dubbing.media.properties.native import YUV420, PixelFormat
 from dubbing.script.timecode import frame_of, nominal, timecode_of
 
@@ -19,6 +20,7 @@ class Picture:
         interlaced: whether a frame holds two fields.
         square: whether its pixels are square.
         pixels: the planar format that holds its values.
+        dynamic: what its first frame has of dynamic metadata, in words; it is not kept.
     """
 
     width: int
@@ -27,6 +29,7 @@ class Picture:
     interlaced: bool = False
     square: bool = True
     pixels: PixelFormat = YUV420
+    dynamic: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,7 @@ class MediaInfo:
         timecode_count: timecodes a second, where they are not those of the frame rate: high rates
             often have half of them.
         picture: of the first frame; None without a picture.
+        values: the colour space of its picture, and that of what is shown of it.
     """
 
     path: Path
@@ -76,6 +80,7 @@ class MediaInfo:
     unseen_tracks: int = 0
     centre: int | None = None
     peak: float = 0.0
+    values: FilmValues = AS_SHOWN
 
     @property
     def rate(self) -> Fraction:

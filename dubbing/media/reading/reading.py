@@ -20,6 +20,7 @@ from dubbing.media.reading.voice_channel import voice_channel
 from dubbing.media.sequences import sequence
 
 CHANNELS = {"rgb24": (3,), "rgba": (4,), "gray": ()}
+DEEP = "rgb48le"  # of films that are shown in another colour space than their own
 SEEK_LEADS = (20, 320, 5120)  # frames; the first is more than any codec reorders
 NEAREST = 0.5  # frames, largest distance of a picture from the time at which it is used
 MISSING = 0.5  # seconds of audio that a decoder may lose, as at a damaged end
@@ -46,7 +47,8 @@ def read_frames(
         start: first frame, counted at ``rate``.
         count: number of frames; fewer at the end of the video.
         rate: frames a second; the video's own by default.
-        pixels: ``rgb24`` (H, W, 3), ``rgba`` (H, W, 4) or ``gray`` (H, W); uint8.
+        pixels: ``rgb24`` (H, W, 3), what a display shows; ``rgba`` (H, W, 4) or ``gray`` (H, W);
+            uint8.
 
     Raises:
         MediaError: no picture, or the file ends before its last frame.
@@ -56,6 +58,11 @@ def read_frames(
         yield from sequence.read_frames(info.path, start, count, rate or info.rate)
         return
     shape = (info.height, info.width, *CHANNELS[pixels])
+    if info.values.film and pixels == "rgb24":
+        for frame in _frames(info, start, count, rate, DEEP, 2 * math.prod(shape)):
+            of_film = frame.view("<u2").reshape(shape).astype(np.float32) / np.float32(0xFFFF)
+            yield info.values.picture(of_film)
+        return
     for frame in _frames(info, start, count, rate, pixels, math.prod(shape)):
         yield frame.reshape(shape)
 
@@ -221,7 +228,7 @@ def _frame_graph(
         picture = picture.filter("trim", start_frame=lead).filter("setpts", "PTS-STARTPTS")
     # The last picture is displayed to the end of the video.
     picture = picture.filter("tpad", stop_mode="clone", stop=2)
-    if pixels == "rgb24":
+    if pixels in ("rgb24", DEEP):
         size = {"w": info.width, "h": info.height}
         picture = picture.filter("scale", **size, flags=SCALER, in_color_matrix=info.colour.matrix)
     elif pixels == info.pixels.name and not (info.picture is None or info.picture.square):

@@ -2,14 +2,15 @@
 
 Faces are found, learned and rendered in the display picture: RGB of 8 bits. Only what is changed
 there is changed in the film's values, by as much. What no display shows, such as highlights, stays
-where a pixel changes little. H x W pixels.
+where a pixel changes little. White of HDR, 203 cd/m2 (BT.2408), is white there. H x W pixels.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -21,6 +22,8 @@ LINEAR = "lin_rec709_scene"  # linear light with the primaries of sRGB
 SCENE, DISPLAY = "srgb_rec709_scene", "srgb_display"  # display pictures of the two kinds of films
 STEPS = 255.0  # of the display picture
 SHORT = {"rec709": "g24_rec709_scene"}  # names that OpenColorIO does not have
+XYZ = "CIE XYZ-D65 - Display-referred"
+WHITE = 203 / 100  # of HDR, where OpenColorIO has 1 for 100 cd/m2
 FADE = 8  # power by which highlights fade as a pixel changes
 
 
@@ -36,6 +39,25 @@ class FilmValues:
 
     film: str = ""
     working: str = ""
+
+    @classmethod
+    def of(cls, options: Mapping[str, str], tagged: str = "") -> Self:
+        """The colour spaces that options of a film ask for, else the one it is tagged with.
+
+        Raises:
+            MediaError: OpenColorIO does not know one.
+        """
+        film, working = options.get("film", ""), options.get("working", "")
+        return cls(space_of(film) if film else tagged, space_of(working) if working else "")
+
+    def check(self) -> None:
+        """Look for OpenColorIO, where it is needed.
+
+        Raises:
+            ExplainedError: it is not installed.
+        """
+        if self.film:
+            spaces()
 
     def display(self, values: np.ndarray) -> np.ndarray:
         """The display's values (H, W, 3) float32, 0..1 for those that it can show."""
@@ -68,6 +90,9 @@ class FilmValues:
     @cached_property
     def _transforms(self) -> tuple[Any, Any]:
         return _transforms(self.film, self.working)
+
+
+AS_SHOWN = FilmValues()
 
 
 @cache
@@ -107,13 +132,19 @@ def _transforms(film: str, working: str) -> tuple[Any, Any]:
     import PyOpenColorIO
 
     config = spaces()
-    of_display = config.getColorSpace(film).getReferenceSpaceType()
-    shown = of_display == PyOpenColorIO.REFERENCE_SPACE_DISPLAY
-    pair = (film, working or (DISPLAY if shown else SCENE))
+    space, change = config.getColorSpace(film), PyOpenColorIO.ColorSpaceTransform
+    of_display = space.getReferenceSpaceType() == PyOpenColorIO.REFERENCE_SPACE_DISPLAY
+    if space.getEncoding() == "hdr-video" and not working:
+        white = PyOpenColorIO.MatrixTransform.Scale([1 / WHITE] * 3 + [1])
+        steps = [change(film, XYZ), white, change(XYZ, DISPLAY)]
+    else:
+        steps = [change(film, working or (DISPLAY if of_display else SCENE))]
+    both = PyOpenColorIO.GroupTransform(steps)
+    ways = (PyOpenColorIO.TRANSFORM_DIR_FORWARD, PyOpenColorIO.TRANSFORM_DIR_INVERSE)
     # Without losses: a value that goes there and back is the same.
     return tuple(
-        config.getProcessor(*way).getOptimizedCPUProcessor(PyOpenColorIO.OPTIMIZATION_LOSSLESS)
-        for way in (pair, pair[::-1])
+        config.getProcessor(both, way).getOptimizedCPUProcessor(PyOpenColorIO.OPTIMIZATION_LOSSLESS)
+        for way in ways
     )
 
 
