@@ -83,7 +83,7 @@ class FilmValues:
         shown = self.display(values)
         inside = np.clip(shown, 0, 1)
         more = (after.astype(np.float32) - before) / STEPS
-        beyond = (shown - inside) * (1 - np.abs(more)) ** FADE
+        beyond = (shown - inside) * (1 - np.abs(more).max(-1, keepdims=True)) ** FADE
         new = self.of_display(np.clip(inside + more, 0, 1) + beyond)
         return np.where(differs[..., None], new, values)
 
