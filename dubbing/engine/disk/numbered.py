@@ -19,7 +19,7 @@ NAME = re.compile(
     rf"(?P<after>[^#%;]*(?:{'|'.join(SUFFIXES)}))",
     re.IGNORECASE,
 )
-OPTIONS = re.compile(r"(?P<name>.+?)(?P<options>(?:;(?:rate|film|working)=[^;/]*)+)")
+OPTIONS = re.compile(r"(?P<name>.+?\.\w+)(?P<options>(?:;(?:rate|film|working)=[^;/]*)+)")
 
 
 @dataclass(frozen=True)
