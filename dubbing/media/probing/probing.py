@@ -30,6 +30,7 @@ SHORTEST, LONGEST, SLIMMEST = 16, 16384, 10  # px, px, and one side over the oth
 FLOATS = {"pcm_f32le": "<f4", "pcm_f32be": ">f4", "pcm_f64le": "<f8", "pcm_f64be": ">f8"}
 LOUDEST = 1e6  # 1 is full scale; the AAC encoder fails from about 1e10
 RESTARTS = 0x0200  # AVFMT_TS_DISCONT, a flag of containers; see `MediaInfo.zero`
+AVI = "avi"  # it has times of decoding alone: a frame for each, in their order
 ATTACHED_PICTURE = av.stream.Disposition.attached_pic
 
 
@@ -87,7 +88,7 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
         heard = []  # a declared but empty track is no sound
     width = height = frames = 0
     rate: Fraction | None = None
-    variable, duration, timecode = False, 0.0, ""
+    variable, duration, timecode, late = False, 0.0, "", 0.0
     count: int | None = None
     picture: Picture | None = None
     video_start = packets.starts.get("video", zero) - zero
@@ -95,7 +96,7 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
     check_whole(path, container, told, packets.pictures, packets.times, packets.last - zero)
     if video is not None:
         check_frames(path, packets.pictures, packets.untimed, packets.times)
-        picture = _picture(path, video, packets.keys)
+        picture, late = _picture(path, video, packets.keys)
         width, height = picture.width, picture.height
         times = sorted(packets.times)
         hints = [r for r in (video.average_rate, video.guessed_rate) if r]
@@ -129,6 +130,7 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
         unseen_tracks=max(0, len(pictures) - 1),
         centre=_centre(heard),
         peak=packets.peak,
+        late=late,
     )
 
 
@@ -169,9 +171,11 @@ def _visit(
     packets = _Packets()
     floats = {track.index: FLOATS.get(_codec(path, track)) for track in heard}
     wanted = {stream.index for stream in (video, *heard) if stream is not None}
+    decoding = container.format.name == AVI
     for packet in container.demux():
         unit = packet.time_base or 0  # none, of a packet without time stamps
-        at = float((packet.pts or 0) * unit)
+        stamp = packet.dts if decoding and packet.stream.type == "video" else packet.pts
+        at = float((stamp or 0) * unit)
         end = at + float((packet.duration or 0) * unit)
         packets.last = max(packets.last, end)  # of any stream
         if packet.stream.index not in wanted:
@@ -213,8 +217,13 @@ def _peak(path: Path, packet: av.Packet, kind: str) -> float:
     return peak
 
 
-def _picture(path: Path, video: av.video.stream.VideoStream, keys: list[int]) -> Picture:
-    """Properties of the picture, from the first frame; and whether any frame is interlaced."""
+def _picture(
+    path: Path, video: av.video.stream.VideoStream, keys: list[int]
+) -> tuple[Picture, float]:
+    """Properties of the picture, from the first frame; and whether any frame is interlaced.
+
+    And by how many seconds decoded frames have their times late: see `MediaInfo.late`.
+    """
     try:
         with opened(path) as container:
             frame = next(container.decode(container.streams[video.index]), None)
@@ -238,7 +247,8 @@ def _picture(path: Path, video: av.video.stream.VideoStream, keys: list[int]) ->
         bounds = f"{SHORTEST} to {LONGEST} px a side, one at most {SLIMMEST} times the other"
         raise MediaError(what, str(path), f"use a video of {bounds}")
     pixels = frame.width * frame.height
-    return Picture(
+    waited = (frame.dts or 0) - (video.start_time or 0) if container.format.name == AVI else 0
+    picture = Picture(
         width,
         height,
         colour_of(frame),
@@ -247,3 +257,4 @@ def _picture(path: Path, video: av.video.stream.VideoStream, keys: list[int]) ->
         pixels=PixelFormat.holding(frame.format.name),
         dynamic=dynamic_metadata(frame),
     )
+    return picture, float(waited * (video.time_base or 0))

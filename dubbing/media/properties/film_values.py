@@ -162,9 +162,9 @@ def _applied(transform: Any, values: np.ndarray, kind: type = np.float32) -> np.
     import PyOpenColorIO
 
     given = np.ascontiguousarray(values, np.float32)
-    out = np.empty(given.shape, kind)
+    out: np.ndarray = np.empty(given.shape, kind)
     depths = transform.getInputBitDepth(), transform.getOutputBitDepth()
-    height, width, _ = out.shape
+    height, width = out.shape[:2]
     if not out.size:
         return out
     images: list[Any] = []

@@ -52,6 +52,8 @@ class MediaInfo:
             larger ones.
         zero: time stamp of the start of the file in seconds, where ffmpeg would count from the
             first requested stream instead (MPEG-TS, MPEG-PS, Ogg); else None.
+        late: seconds after which ffmpeg's decoder gives the first frame of an AVI, which has no
+            times of display. All of them are late by that.
         timecode: of the first frame, as ``01:00:00:00``; '' where the file has none.
         timecode_count: timecodes a second, where they are not those of the frame rate: high rates
             often have half of them.
@@ -73,6 +75,7 @@ class MediaInfo:
     audio_duration: float | None
     audio_start: float
     zero: float | None = None
+    late: float = 0.0
     timecode: str = ""
     timecode_count: int | None = None
     audio_tracks: tuple[int, ...] = (0,)

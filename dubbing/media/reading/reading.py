@@ -12,7 +12,7 @@ import numpy as np
 from dubbing.engine.disk.numbered import numbered
 from dubbing.errors import MediaError
 from dubbing.media.opening.ffmpeg import Process
-from dubbing.media.opening.opening import Graph, address, into, picture_of, sound_of
+from dubbing.media.opening.opening import Graph, Stream, address, into, picture_of, sound_of
 from dubbing.media.probing.probing import probe
 from dubbing.media.properties.info import MediaInfo
 from dubbing.media.properties.native import PixelFormat, Planes
@@ -217,7 +217,7 @@ def _frame_graph(
     # lead. The time of the first key frame goes to the note; frames before it may be broken.
     begin = float((start - lead) / rate)
     seek = {"ss": f"{begin:.6f}", "noaccurate_seek": None} if start > lead else {}
-    picture = picture_of(info.path, info.zero, begin, **seek)
+    picture = in_time(picture_of(info.path, info.zero, begin, **seek), info)
     if start > lead:
         picture = picture.filter("select", "if(isnan(prev_selected_n),key,1)")
         picture = picture.filter("metadata", mode="add", key="first", value=1)
@@ -234,6 +234,11 @@ def _frame_graph(
     elif pixels == info.pixels.name and not (info.picture is None or info.picture.square):
         picture = picture.filter("scale", w=info.width, h=info.height, flags=SCALER)
     return into(None, picture, format="rawvideo", pix_fmt=pixels, vframes=count)
+
+
+def in_time(picture: Stream, info: MediaInfo) -> Stream:
+    """A decoded picture with the times at which it is displayed; see `MediaInfo.late`."""
+    return picture.filter("setpts", f"round(PTS-{info.late:.6f}/TB)") if info.late else picture
 
 
 def _content(note: Path) -> str:

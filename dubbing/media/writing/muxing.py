@@ -14,7 +14,7 @@ from dubbing.media.opening.ffmpeg import run
 from dubbing.media.opening.opening import LAYOUTS, Stream, address, into, joined, sound_of, source
 from dubbing.media.probing.probing import probe
 from dubbing.media.properties.info import MediaInfo
-from dubbing.media.reading.reading import read_frames
+from dubbing.media.reading.reading import in_time, read_frames
 from dubbing.media.writing.writing import THREADS, VideoWriter
 
 AUDIO_CODECS = {
@@ -136,9 +136,11 @@ def proxy(video: Path, out: Path, metadata: Mapping[str, str]) -> None:
             picture, encoder = source(shown).video, {"vcodec": "copy"}
         else:
             width = f"min({PROXY_WIDTH},trunc(iw/2)*2)"
-            picture = film.video.filter(
-                "scale", w=width, h=-2, out_color_matrix=colour.matrix, out_range="tv"
-            ).filter("setparams", **{**colour.tags(), "range": "tv"})
+            picture = (
+                in_time(film.video, info)
+                .filter("scale", w=width, h=-2, out_color_matrix=colour.matrix, out_range="tv")
+                .filter("setparams", **{**colour.tags(), "range": "tv"})
+            )
         graph = into(
             temporary,
             picture,

@@ -73,6 +73,7 @@ FILMS = [
     Film("ffv1_rgb16.mkv", "-c:v ffv1 -pix_fmt gbrp16le"),
     Film("ffv1_grey.mkv", "-c:v ffv1 -pix_fmt gray10le"),
     Film("mpeg2.ts", "-c:v mpeg2video -q:v 2"),
+    Film("b_frames.avi", "-c:v libx264 -bf 2", rate="30000/1001"),
     Film("mjpeg.avi", "-c:v mjpeg -q:v 2"),
     Film("vp9.webm", "-c:v libvpx-vp9 -lossless 1", rate="60000/1001"),
     Film("bt2020.mkv", f"-c:v ffv1 {tagged('bt2020-10')}"),
