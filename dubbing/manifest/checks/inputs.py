@@ -131,7 +131,7 @@ def _picture(findings: Findings, name: str, info: MediaInfo, at: KeyPath) -> Non
     """Properties of a clip that results cannot keep: problems, or warnings if it looks right."""
     picture = info.picture
     assert picture is not None  # a clip has one
-    file = plain(info.path).name
+    file = info.name
     if info.variable_rate:
         findings.warn(
             f"identities.{name}: {file} has a variable frame rate;"

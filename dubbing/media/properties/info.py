@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 
+from dubbing.engine.disk.numbered import plain
 from dubbing.errors import MediaError
 from dubbing.media.properties.colour import Colour
 from dubbing.media.properties.film_values import AS_SHOWN, FilmValues
@@ -84,6 +85,11 @@ class MediaInfo:
     centre: int | None = None
     peak: float = 0.0
     values: FilmValues = AS_SHOWN
+
+    @property
+    def name(self) -> str:
+        """Of the file, as a manifest writes it."""
+        return plain(self.path).name
 
     @property
     def rate(self) -> Fraction:

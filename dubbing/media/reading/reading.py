@@ -20,7 +20,7 @@ from dubbing.media.reading.voice_channel import voice_channel
 from dubbing.media.sequences import sequence
 
 CHANNELS = {"rgb24": (3,), "rgba": (4,), "gray": ()}
-DEEP = "rgb48le"  # of films that are shown in another colour space than their own
+DEEP = "rgb48"  # of films that are shown in another colour space than their own
 SEEK_LEADS = (20, 320, 5120)  # frames; the first is more than any codec reorders
 NEAREST = 0.5  # frames, largest distance of a picture from the time at which it is used
 MISSING = 0.5  # seconds of audio that a decoder may lose, as at a damaged end
@@ -60,8 +60,7 @@ def read_frames(
     shape = (info.height, info.width, *CHANNELS[pixels])
     if info.values.film and pixels == "rgb24":
         for frame in _frames(info, start, count, rate, DEEP, 2 * math.prod(shape)):
-            of_film = frame.view("<u2").reshape(shape).astype(np.float32) / np.float32(0xFFFF)
-            yield info.values.picture(of_film)
+            yield info.values.picture(frame.view(np.uint16).reshape(shape))
         return
     for frame in _frames(info, start, count, rate, pixels, math.prod(shape)):
         yield frame.reshape(shape)
