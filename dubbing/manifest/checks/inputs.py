@@ -140,7 +140,8 @@ def _picture(findings: Findings, name: str, info: MediaInfo, at: KeyPath) -> Non
     if info.values.film:
         info.values.check()
         shown = info.values.working or "sRGB"
-        findings.warn(f"identities.{name}: {file} is {info.values.film}; faces are made in {shown}")
+        what = f"{file} is {info.values.film}; heads are rendered in {shown}, with 8 bits"
+        findings.warn(f"identities.{name}: {what}")
     if picture.dynamic:
         what = f"{', '.join(picture.dynamic)} of {file}"
         findings.warn(f"identities.{name}: {what} is not in the results; make it anew of them")
@@ -157,7 +158,7 @@ def _picture(findings: Findings, name: str, info: MediaInfo, at: KeyPath) -> Non
             f"identities.{name}: the pixels of {file} are not square; those of the"
             f" results are: {info.width}x{info.height}"
         )
-    if picture.pixels.bits > 8:
+    if picture.pixels.bits > 8 and not info.values.film:
         findings.warn(
             f"identities.{name}: {file} has {picture.pixels.bits} bits a colour; heads"
             " are rendered with 8, and the codec h264 writes 8"
