@@ -86,6 +86,11 @@ def picture_of(path: Path | str, zero: float | None, begin: float, **options: An
     return source(path, copyts=None, **options).video.filter("setpts", _since(zero, begin))
 
 
+def in_time(picture: Stream, late: float) -> Stream:
+    """A decoded picture with its times of display, that are given late by so many seconds."""
+    return picture.filter("setpts", f"round(PTS-{late:.6f}/TB)") if late else picture
+
+
 def sound_of(
     path: Path | str, zero: float | None, begin: float, tracks: Sequence[int] = (0,)
 ) -> Stream:

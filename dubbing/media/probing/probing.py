@@ -16,21 +16,17 @@ from dubbing.engine.disk.unchanged import while_unchanged
 from dubbing.errors import MediaError
 from dubbing.media.opening.opening import opened
 from dubbing.media.opening.tracks import Track, heard_tracks
-from dubbing.media.probing.fields import is_flagged
+from dubbing.media.probing.picture import AVI, picture_of
 from dubbing.media.probing.timecode_track import timecode_of
 from dubbing.media.probing.whole import check_frames, check_whole
-from dubbing.media.properties.colour import colour_of, dynamic_metadata
 from dubbing.media.properties.film_values import FilmValues
 from dubbing.media.properties.frame_rate import choose_rate
 from dubbing.media.properties.info import MediaInfo, Picture
-from dubbing.media.properties.native import PixelFormat
 from dubbing.media.sequences import sequence
 
-SHORTEST, LONGEST, SLIMMEST = 16, 16384, 10  # px, px, and one side over the other
 FLOATS = {"pcm_f32le": "<f4", "pcm_f32be": ">f4", "pcm_f64le": "<f8", "pcm_f64be": ">f8"}
 LOUDEST = 1e6  # 1 is full scale; the AAC encoder fails from about 1e10
 RESTARTS = 0x0200  # AVFMT_TS_DISCONT, a flag of containers; see `MediaInfo.zero`
-AVI = "avi"  # it has times of decoding alone: a frame for each, in their order
 ATTACHED_PICTURE = av.stream.Disposition.attached_pic
 
 
@@ -96,7 +92,7 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
     check_whole(path, container, told, packets.pictures, packets.times, packets.last - zero)
     if video is not None:
         check_frames(path, packets.pictures, packets.untimed, packets.times)
-        picture, late = _picture(path, video, packets.keys)
+        picture, late = picture_of(path, video, packets.keys)
         width, height = picture.width, picture.height
         times = sorted(packets.times)
         hints = [r for r in (video.average_rate, video.guessed_rate) if r]
@@ -215,46 +211,3 @@ def _peak(path: Path, packet: av.Packet, kind: str) -> float:
         what = f"its sound holds samples that are not finite numbers, from about {at:.1f} s on"
         raise MediaError(what, str(path), "export it again, with 16 or 24 bits")
     return peak
-
-
-def _picture(
-    path: Path, video: av.video.stream.VideoStream, keys: list[int]
-) -> tuple[Picture, float]:
-    """Properties of the picture, from the first frame; and whether any frame is interlaced.
-
-    And by how many seconds decoded frames have their times late: see `MediaInfo.late`.
-    """
-    try:
-        with opened(path) as container:
-            frame = next(container.decode(container.streams[video.index]), None)
-    except av.InvalidDataError as error:
-        what = "its first frames cannot be decoded, as where it begins between key frames"
-        raise MediaError(what, str(path), "convert it to .mp4 or .mov") from error
-    if not isinstance(frame, av.VideoFrame):
-        raise MediaError("no frame of it can be decoded", str(path), "is the file complete?")
-    width, height = frame.width, frame.height
-    aspect = video.sample_aspect_ratio
-    if aspect:
-        width = round(width * aspect)
-    if frame.rotation % 180:
-        width, height = height, width
-    sides = sorted((width, height))
-    stored = min(frame.width, frame.height)
-    if min(stored, sides[0]) < SHORTEST or sides[1] > min(LONGEST, SLIMMEST * sides[0]):
-        what = f"its picture is {width}x{height} px as displayed"
-        if (frame.width, frame.height) not in ((width, height), (height, width)):
-            what += f", {frame.width}x{frame.height} px as stored"
-        bounds = f"{SHORTEST} to {LONGEST} px a side, one at most {SLIMMEST} times the other"
-        raise MediaError(what, str(path), f"use a video of {bounds}")
-    pixels = frame.width * frame.height
-    waited = (frame.dts or 0) - (video.start_time or 0) if container.format.name == AVI else 0
-    picture = Picture(
-        width,
-        height,
-        colour_of(frame),
-        interlaced=bool(frame.interlaced_frame) or is_flagged(path, video.index, keys, pixels),
-        square=not aspect or aspect == 1,
-        pixels=PixelFormat.holding(frame.format.name),
-        dynamic=dynamic_metadata(frame),
-    )
-    return picture, float(waited * (video.time_base or 0))

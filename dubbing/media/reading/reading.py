@@ -12,7 +12,7 @@ import numpy as np
 from dubbing.engine.disk.numbered import numbered
 from dubbing.errors import MediaError
 from dubbing.media.opening.ffmpeg import Process
-from dubbing.media.opening.opening import Graph, Stream, address, into, picture_of, sound_of
+from dubbing.media.opening.opening import Graph, address, in_time, into, picture_of, sound_of
 from dubbing.media.probing.probing import probe
 from dubbing.media.properties.info import MediaInfo
 from dubbing.media.properties.native import PixelFormat, Planes
@@ -58,12 +58,12 @@ def read_frames(
         yield from sequence.read_frames(info.path, start, count, rate or info.rate)
         return
     shape = (info.height, info.width, *CHANNELS[pixels])
-    if info.values.film and pixels == "rgb24":
-        for frame in _frames(info, start, count, rate, DEEP, 2 * math.prod(shape)):
-            yield info.values.picture(frame.view(np.uint16).reshape(shape))
+    if not info.values.film or pixels != "rgb24":
+        for frame in _frames(info, start, count, rate, pixels, math.prod(shape)):
+            yield frame.reshape(shape)
         return
-    for frame in _frames(info, start, count, rate, pixels, math.prod(shape)):
-        yield frame.reshape(shape)
+    for frame in _frames(info, start, count, rate, DEEP, 2 * math.prod(shape)):
+        yield info.values.picture(frame.view(np.uint16).reshape(shape))
 
 
 def read_planes(
@@ -106,7 +106,7 @@ def _frames(
             with Process(graph, str(path), pipe_out=True) as process:
                 for index in range(count):
                     frame = np.empty(size, np.uint8)
-                    filled = _fill(process, frame)
+                    filled = process.fill(frame.data)
                     if index == 0 and lead < start and not _landed(_content(note), lead, rate):
                         break
                     if not filled:
@@ -216,7 +216,7 @@ def _frame_graph(
     # lead. The time of the first key frame goes to the note; frames before it may be broken.
     begin = float((start - lead) / rate)
     seek = {"ss": f"{begin:.6f}", "noaccurate_seek": None} if start > lead else {}
-    picture = in_time(picture_of(info.path, info.zero, begin, **seek), info)
+    picture = in_time(picture_of(info.path, info.zero, begin, **seek), info.late)
     if start > lead:
         picture = picture.filter("select", "if(isnan(prev_selected_n),key,1)")
         picture = picture.filter("metadata", mode="add", key="first", value=1)
@@ -235,11 +235,6 @@ def _frame_graph(
     return into(None, picture, format="rawvideo", pix_fmt=pixels, vframes=count)
 
 
-def in_time(picture: Stream, info: MediaInfo) -> Stream:
-    """A decoded picture with the times at which it is displayed; see `MediaInfo.late`."""
-    return picture.filter("setpts", f"round(PTS-{info.late:.6f}/TB)") if info.late else picture
-
-
 def _content(note: Path) -> str:
     return note.read_text() if note.exists() else ""
 
@@ -248,14 +243,3 @@ def _landed(note: str, lead: int, rate: Fraction) -> bool:
     """Whether there is a key frame, at the time in the note, and frame ``lead`` not before it."""
     _, options, time = note.partition("pts_time:")
     return bool(options) and float(time.split()[0]) * rate < lead + NEAREST
-
-
-def _fill(process: Process, frame: np.ndarray) -> bool:
-    view = frame.data.cast("B")
-    filled = 0
-    while filled < len(view):
-        got = process.stdout.readinto(view[filled:])  # type: ignore[attr-defined]
-        if not got:
-            return False
-        filled += got
-    return True

@@ -11,10 +11,19 @@ from dubbing.engine.disk.files import atomic_path
 from dubbing.engine.disk.numbered import numbered
 from dubbing.errors import MediaError
 from dubbing.media.opening.ffmpeg import run
-from dubbing.media.opening.opening import LAYOUTS, Stream, address, into, joined, sound_of, source
+from dubbing.media.opening.opening import (
+    LAYOUTS,
+    Stream,
+    address,
+    in_time,
+    into,
+    joined,
+    sound_of,
+    source,
+)
 from dubbing.media.probing.probing import probe
 from dubbing.media.properties.info import MediaInfo
-from dubbing.media.reading.reading import in_time, read_frames
+from dubbing.media.reading.reading import read_frames
 from dubbing.media.writing.writing import THREADS, VideoWriter
 
 AUDIO_CODECS = {
@@ -137,7 +146,7 @@ def proxy(video: Path, out: Path, metadata: Mapping[str, str]) -> None:
         else:
             width = f"min({PROXY_WIDTH},trunc(iw/2)*2)"
             picture = (
-                in_time(film.video, info)
+                in_time(film.video, info.late)
                 .filter("scale", w=width, h=-2, out_color_matrix=colour.matrix, out_range="tv")
                 .filter("setparams", **{**colour.tags(), "range": "tv"})
             )

@@ -12,7 +12,7 @@ import pytest
 
 from dubbing import media
 from dubbing.engine.disk.numbered import options_of, with_options
-from dubbing.manifest.checks.inputs import _picture
+from dubbing.manifest.checks.film_checks import of_picture
 from dubbing.manifest.keys.findings import Findings
 from dubbing.media import PixelFormat
 from dubbing.mixing.sound import Sound
@@ -186,5 +186,5 @@ def test_a_film_is_refused(tmp_path: Path, name: str) -> None:
     options, words = REFUSED[name]
     clip = write(tmp_path, name, options, Film(name, options))
     findings = Findings()
-    _picture(findings, "ann", media.probe(clip), ("identities", "ann", "clip"))
+    of_picture(findings, "ann", media.probe(clip), ("identities", "ann", "clip"))
     assert words in findings.problems[0][1]
