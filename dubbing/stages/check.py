@@ -61,10 +61,11 @@ class Check(DubbingStage):
         from dubbing.engine.disk.pieces import Pieces
         from dubbing.sync.check import check
 
-        made_by = digest_data([self.version, *map(digest_of, self.weights.values())])
+        weights, options = map(digest_of, self.weights.values()), dict(self.options)
+        made_by = digest_data([self.version, options, *weights])
         voices = self.video.folder / VOICES
         result = check(
-            with_options(video_file(self.video.folder, self.codec), dict(self.options)),
+            with_options(video_file(self.video.folder, self.codec), options),
             source=read_check(self.source.folder),
             voices=voices if voices.is_file() else None,
             parts=self.spoken,
