@@ -37,8 +37,8 @@ def of_picture(findings: Findings, name: str, info: MediaInfo, at: KeyPath) -> N
             f"identities.{name}: {file} has a variable frame rate;"
             f" it is read at {float(info.rate):g} a second"
         )
-    if info.values.film:
-        info.values.check()
+    info.values.check()
+    if info.colour.space:  # nothing in the manifest says so
         shown = info.values.working or "sRGB"
         what = f"{file} is {info.values.film}; heads are rendered in {shown}, with 8 bits"
         findings.warn(f"identities.{name}: {what}")
