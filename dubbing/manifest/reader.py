@@ -68,7 +68,7 @@ class Reader:
         self._check_top()
         self.timeline = self._timeline()
         output, identities, dubs = self._output(), self._identities(), self._dubs()
-        identities = {name: identity.with_sequences() for name, identity in identities.items()}
+        identities = {name: identity.with_options() for name, identity in identities.items()}
         dubs = {place: dub.over(identities) for place, dub in dubs.items()}
         findings = inputs.inspect(*self._selected(identities, dubs))
         self.found += findings.problems

@@ -13,6 +13,7 @@ from typing import Any
 from PIL import Image
 
 from dubbing.engine.disk.files import atomic_path, read_bounded
+from dubbing.engine.disk.numbered import plain
 from dubbing.engine.disk.unchanged import while_unchanged
 from dubbing.errors import ExplainedError, RenderingError, StageError
 from dubbing.packages import lacking, missing_of
@@ -221,6 +222,7 @@ def film_problem(film: Path) -> tuple[str, bool]:
     And whether it keeps the dub from being signed. One that reads but does not hold becomes an
     ingredient whose failure is recorded, as C2PA asks of those who sign; see `Credentials`.
     """
+    film = plain(film)
     if film.suffix.lower() not in FORMATS:
         return "", False
     try:

@@ -16,6 +16,7 @@ from dubbing.engine.disk.files import (
     read_bounded,
     remove_torn,
 )
+from dubbing.engine.disk.numbered import is_there, plain
 from dubbing.engine.graph.graph import Job, Jobs
 from dubbing.engine.memory import peak_memory
 from dubbing.engine.running.outcome import Outcome
@@ -163,7 +164,7 @@ def _person(production: Production, job: Job, outcome: Outcome) -> dict[str, Any
     sheet = prepared / CONTACT_SHEET
     return {
         **_common(job, outcome),
-        "clip": shown(production, person.clip.path),
+        "clip": shown(production, plain(person.clip.path)),
         "consent": person.consent.record(),
         "warnings": [
             *clip_warnings(job, damaged, "face_warnings"),
@@ -252,7 +253,7 @@ def _reach(of: Reach | None) -> dict[str, Any]:
 
 def _film_credentials(job: Job, film: Path) -> str:
     """Problem of the credentials of the film that a dub was signed over; empty without one."""
-    if not job.all_of(Sign) or missing_of("c2pa") or not film.is_file():
+    if not job.all_of(Sign) or missing_of("c2pa") or not is_there(film):
         return ""
     return credentials.film_problem(film)[0]
 

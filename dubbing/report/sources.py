@@ -26,10 +26,15 @@ PLAYED = {
 
 
 def is_played(film: Path) -> bool:
-    """Whether browsers show a film's picture; of ProRes they play the sound before a black one."""
+    """Whether browsers show a film's picture; of ProRes they play the sound before a black one.
+
+    Of a film that is shown in another colour space than its own they are not asked to.
+    """
     if film.suffix.lower() not in CONTAINERS:
         return False
     try:
+        if media.probe(film).values.film:
+            return False
         with opened(film) as container:
             picture = container.streams.video[0].codec_context
             return picture.pix_fmt in PLAYED.get(picture.name, ())

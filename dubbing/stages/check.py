@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, ClassVar, Self
 
 from dubbing.engine.disk.file_digests import digest_of
 from dubbing.engine.disk.files import atomic_write_json, digest_data
+from dubbing.engine.disk.numbered import with_options
 from dubbing.engine.graph.stage import Progress, Rate, Stage
 from dubbing.mixing.sound import VOICES
 from dubbing.stages.base import DubbingStage
 from dubbing.sync.network.weight_path import CHECK_WEIGHTS
 from dubbing.sync.records import SYNC_FILE, read_check
-from dubbing.video.files import video_file
+from dubbing.video.files import options_of_video, video_file
 
 if TYPE_CHECKING:
     from dubbing.production.dub import Dub
@@ -28,6 +29,7 @@ class Check(DubbingStage):
         video: the stage that made it.
         source: the stage that checked the film.
         codec: of the video, which its name depends on.
+        options: how it is read; see `options_of_video`.
         spoken: frames (first, stop) of the cues. Others are not looked at.
         credits: frames of the card at the end, which are not looked at.
     """
@@ -35,6 +37,7 @@ class Check(DubbingStage):
     video: Stage
     source: Stage
     codec: str
+    options: Mapping[str, str]
     spoken: tuple[tuple[int, int], ...]
     credits: int
     weights: Mapping[str, Path]
@@ -48,6 +51,7 @@ class Check(DubbingStage):
             video=video,
             source=source,
             codec=dub.settings.codec,
+            options=options_of_video(dub.film.path, dub.settings.frame),
             spoken=tuple((cue.first, min(cue.stop, dub.length)) for cue in dub.cues),
             credits=card.frames if (card := dub.settings.card) else 0,
             weights=CHECK_WEIGHTS,
@@ -57,10 +61,11 @@ class Check(DubbingStage):
         from dubbing.engine.disk.pieces import Pieces
         from dubbing.sync.check import check
 
-        made_by = digest_data([self.version, *map(digest_of, self.weights.values())])
+        weights, options = map(digest_of, self.weights.values()), dict(self.options)
+        made_by = digest_data([self.version, options, *weights])
         voices = self.video.folder / VOICES
         result = check(
-            video_file(self.video.folder, self.codec),
+            with_options(video_file(self.video.folder, self.codec), options),
             source=read_check(self.source.folder),
             voices=voices if voices.is_file() else None,
             parts=self.spoken,

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from dubbing.engine.disk.file_digests import digest_of
+from dubbing.engine.disk.numbered import plain
 from dubbing.engine.graph.fields import Setting
 from dubbing.engine.graph.stage import Progress, Rate, Stage
 from dubbing.provenance.signer import Signer
@@ -47,7 +48,7 @@ class Sign(DubbingStage):
         return cls(
             video=video,
             codec=dub.settings.codec,
-            film=dub.film.path,
+            film=plain(dub.film.path),
             signer=signer,
             models=models,
             facts=dub.signed_facts(),

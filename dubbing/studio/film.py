@@ -9,6 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dubbing.engine.disk.numbered import with_options
 from dubbing.face.mouth.lip_curves import LENGTHS
 from dubbing.script.timeline import AS_SPOKEN, STYLES, Cue, Edit
 from dubbing.stages.draft import Draft
@@ -57,13 +58,15 @@ class Film:
 
         from dubbing.media.reading.overlap import ahead
         from dubbing.video.composer import Composer, read_film
+        from dubbing.video.files import options_of_video
 
         heads = [self.half.heads(cue, edits.get(cue.name, Edit())) for cue in self.cues]
         composer = Composer(heads, self.half.poses, self.stage.settings)
 
         def read(first: int, stop: int) -> Iterator[Any]:
             if kind == DUB:
-                return of_video(video, first, stop, composer.size)
+                options = options_of_video(self.stage.film, self.stage.settings.frame)
+                return of_video(with_options(video, options), first, stop, composer.size)
             if kind == FILM:
                 return read_film(composer.film, self.half.poses[first:stop])
             return composer.read(first, stop)

@@ -18,6 +18,7 @@ import numpy as np
 from dubbing import media
 from dubbing.engine.disk import json_records
 from dubbing.engine.disk.files import atomic_write_json
+from dubbing.engine.disk.numbered import with_options
 from dubbing.engine.disk.pieces import Pieces
 from dubbing.engine.graph.stage import Progress
 from dubbing.errors import RenderingError
@@ -27,7 +28,14 @@ from dubbing.mixing.sound import SOUND, Sound
 from dubbing.preparation.crops.threads import in_order
 from dubbing.provenance import provenance
 from dubbing.video.composer import Composer, Heads
-from dubbing.video.files import DELIVERED, PICTURE_FILE, PROXY_FILE, SCENE_FILE, video_file
+from dubbing.video.files import (
+    DELIVERED,
+    PICTURE_FILE,
+    PROXY_FILE,
+    SCENE_FILE,
+    options_of_video,
+    video_file,
+)
 from dubbing.video.found_mark import found_again, found_before
 from dubbing.video.settings import VideoSettings
 from dubbing.video.turnover import CHECKED, Delivery
@@ -127,7 +135,8 @@ def make(
     (out / CHECKED).unlink(missing_ok=True)
     if settings.codec != "h264":
         progress("proxy", 1.0)
-        media.proxy(result, out / PROXY_FILE, provenance.tags())
+        seen = with_options(result, options_of_video(film.clip, settings.frame))
+        media.proxy(seen, out / PROXY_FILE, provenance.tags())
     if (out / MIXED).is_file():
         progress("comparing with the film", 1.0)
         own = composer.untouched()

@@ -18,6 +18,7 @@ from dubbing.compositing.composite import blend, replacement
 from dubbing.compositing.film_look import with_noise
 from dubbing.errors import RenderingError
 from dubbing.media import Planes
+from dubbing.media.properties.colour import Colour
 from dubbing.preparation.prepared import FilmFrame, PreparedClip
 from dubbing.preparation.tracking.reach import Reach
 from dubbing.provenance import card, provenance
@@ -71,7 +72,8 @@ class Composer:
 
     Attributes:
         delivery: of frames beside the video, where there are to be any.
-        colour: of the film. pixels: format of the finished frames' planes; None of RGB pictures.
+        colour: of the finished frames: the film's, but in pictures of what a display shows.
+        pixels: format of their planes; None of RGB pictures.
 
     Args:
         heads, pose_index: see `make`.
@@ -89,8 +91,10 @@ class Composer:
         self.film = film = heads[0].clip
         self.frames = settings.frame
         self.size = film.source_size if self.frames == "full" else (film.size, film.size)
-        self.colour = media.probe(film.clip).colour
-        self.pixels = film.pixels if self.frames == "full" else None
+        info = media.probe(film.clip)
+        self.pixels, self.values = film.pixels if self.frames == "full" else None, info.values
+        shown = self.pixels is None and self.values.film
+        self.colour = Colour() if shown else info.colour
         self.label = provenance.VisibleMark(*self.size) if settings.label else None
         self.mark = invisible_mark(settings.mark, *self.size, film.rate)
         count = len(pose_index)  # a dub that was cut is shorter than its cue
@@ -203,7 +207,7 @@ class Composer:
         if self.pixels is None:
             return picture
         black = self.pixels.black(*self.size, self.colour)
-        return self.pixels.changed(black, np.zeros_like(picture), picture, self.colour)
+        return self.pixels.changed(black, np.zeros_like(picture), picture, self.colour, self.values)
 
     def frame(
         self,
@@ -230,7 +234,7 @@ class Composer:
             out = self.label.draw(out)
         if self.pixels is None or planes is None:
             return out
-        return self.pixels.changed(planes, image, out, self.colour)
+        return self.pixels.changed(planes, image, out, self.colour, self.values)
 
 
 def with_faces(

@@ -21,8 +21,9 @@ from typing_extensions import TypedDict
 
 from dubbing.engine.disk.files import atomic_path, atomic_write_text
 from dubbing.errors import RenderingError
+from dubbing.media import probe
+from dubbing.media.properties.film_values import STEPS, FilmValues
 from dubbing.media.sequences import image_files, sequence
-from dubbing.media.sequences.film_values import STEPS, FilmValues
 from dubbing.preparation.background.pixels import extent
 from dubbing.preparation.tracking import cropping
 from dubbing.provenance import provenance
@@ -92,7 +93,7 @@ class Delivery:
         drawn = reduce(np.maximum, [head[..., 3] for head in heads])
         part = extent((replaced > 0) | (not self.whole and drawn > 0))
         filmed = image.values(part)
-        values = sequence.values_of(self.film)
+        values = probe(self.film).values
         made = values.changed(filmed, before[part], after[part])
         if self.whole:
             stored = image.with_values(made, differs[part], part)

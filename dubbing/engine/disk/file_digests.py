@@ -6,7 +6,7 @@ import stat
 from pathlib import Path
 
 from .files import digest_data, digest_file
-from .numbered import is_there, numbered
+from .numbered import is_there, numbered, options_of, plain
 from .unchanged import while_unchanged
 
 
@@ -15,7 +15,7 @@ def digest_of(path: Path) -> str:
     if numbered(path):
         return _digest(path) if is_there(path) else ""
     try:
-        regular = stat.S_ISREG(os.stat(path).st_mode)
+        regular = stat.S_ISREG(os.stat(plain(path)).st_mode)
     except FileNotFoundError:
         return ""
     return _digest(path) if regular else ""  # a pipe in its place would block whoever reads it
@@ -25,7 +25,8 @@ def digest_of(path: Path) -> str:
 def _digest(path: Path) -> str:
     sequence = numbered(path)
     if sequence is None:
-        return digest_file(path)
+        options, of_file = options_of(path), digest_file(plain(path))
+        return digest_data([options, of_file]) if options else of_file
     files = [[number, digest_file(file)] for number, file in sequence.files().items()]
     return digest_data([sequence.options, files])
 

@@ -16,7 +16,7 @@ from typing_extensions import TypedDict
 from ..errors import ExplainedError
 from . import json_records
 from .files import atomic_write_json, digest_data
-from .numbered import numbered
+from .numbered import numbered, plain
 
 Found = TypeVar("Found")
 Known = dict[str, tuple[str, Any]]  # by function and file: digest of its status, and what is found
@@ -67,7 +67,7 @@ def while_unchanged(
         def call(path: Path) -> Found:
             sequence = numbered(path)
             status: list[int] = []
-            for file in (sequence.files().values() if sequence else ()) or (path,):
+            for file in (sequence.files().values() if sequence else ()) or (plain(path),):
                 of = os.stat(file)
                 status += (of.st_size, of.st_mtime_ns, of.st_ctime_ns, of.st_ino)
             return cached(path, *status)

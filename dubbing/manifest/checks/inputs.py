@@ -3,10 +3,10 @@
 import datetime
 from collections.abc import Mapping
 
-from dubbing.engine.disk.numbered import numbered, plain
-from dubbing.errors import ExplainedError, MediaError
+from dubbing.engine.disk.numbered import plain
+from dubbing.errors import ExplainedError
+from dubbing.manifest.checks import film_checks, provenance_checks, sound_checks, terms
 from dubbing.manifest.checks import preset_checks as published
-from dubbing.manifest.checks import provenance_checks, sound_checks, terms
 from dubbing.manifest.edits.edits import edited, whole_recording
 from dubbing.manifest.keys.entries import Dub, Identity
 from dubbing.manifest.keys.findings import Findings, Scene
@@ -14,7 +14,6 @@ from dubbing.manifest.keys.values import BEST
 from dubbing.manifest.keys.yaml_lines import KeyPath
 from dubbing.manifest.scenes.scenes import film_of, inspect_scene, whole_audio, without_lines
 from dubbing.media import MediaInfo
-from dubbing.media.probing.fields import looks_interlaced
 from dubbing.media.writing.muxing import MOST_CHANNELS, SOUND
 from dubbing.provenance import card
 from dubbing.script import timeline
@@ -48,7 +47,7 @@ def _learning(findings: Findings, name: str, identity: Identity) -> Identity:
         if info is not None and info.picture is None:
             findings.add(key, f"no picture in {path}")
         elif info is not None:
-            _picture(findings, name, info, key)
+            film_checks.of_picture(findings, name, info, key)
             found[path] = info.duration - identity.start if info.audio_rate else 0.0
     wanted = None if identity.seconds == BEST else identity.learned_seconds  # None: of all of them
     enough = [path for path, left in found.items() if wanted is not None and left >= wanted]
@@ -76,7 +75,7 @@ def _identity(findings: Findings, name: str, identity: Identity) -> None:
         findings.add((*at, *key), problem)
     _speech(findings, at, identity)
     _faces(findings, at, identity)
-    _sequences(findings, at, identity)
+    film_checks.of_options(findings, at, identity)
     info = findings.media.get(identity.clip)
     if info is None or info.picture is None:
         return
@@ -100,12 +99,6 @@ def _identity(findings: Findings, name: str, identity: Identity) -> None:
         )
 
 
-def _sequences(findings: Findings, at: KeyPath, identity: Identity) -> None:
-    if identity.sequence_options and not any(numbered(film) for film in identity.films):
-        key = "colour" if identity.rate is None else "rate"
-        findings.add((*at, key), "is for image sequences, and no clip is one; leave it out")
-
-
 def _faces(findings: Findings, at: KeyPath, identity: Identity) -> None:
     shown = findings.media.get(identity.films[0])
     if shown is None or shown.picture is None:
@@ -114,46 +107,6 @@ def _faces(findings: Findings, at: KeyPath, identity: Identity) -> None:
         if point.at > shown.duration:
             message = f"{point.at:g} s is past the end: the clip is {shown.duration:.1f} s long"
             findings.add((*at, "face", k, "at"), message)
-
-
-def _picture(findings: Findings, name: str, info: MediaInfo, at: KeyPath) -> None:
-    """Properties of a clip that results cannot keep: problems, or warnings if it looks right."""
-    picture = info.picture
-    assert picture is not None  # a clip has one
-    if info.variable_rate:
-        findings.warn(
-            f"identities.{name}: {info.path.name} has a variable frame rate;"
-            f" it is read at {float(info.rate):g} a second"
-        )
-    if picture.colour.high_range:
-        message = f"{info.path} is HDR ({picture.colour.high_range}), which is not kept as yet"
-        remedy = "give an SDR version of it, or an image sequence and its `colour`"
-        findings.add(at, f"{message}: {remedy}")
-    if picture.interlaced:
-        message = f"{info.path} is interlaced: its frames are two moments each"
-        findings.add(at, f"{message}; deinterlace it first")
-    elif _looks_interlaced(info):
-        findings.warn(
-            f"identities.{name}: {info.path.name} looks interlaced, though nothing in it says so:"
-            " deinterlace it first if moving edges are combs"
-        )
-    if not picture.square:
-        findings.warn(
-            f"identities.{name}: the pixels of {info.path.name} are not square; those of the"
-            f" results are: {info.width}x{info.height}"
-        )
-    if picture.pixels.bits > 8:
-        findings.warn(
-            f"identities.{name}: {info.path.name} has {picture.pixels.bits} bits a colour; heads"
-            " are rendered with 8, and the codec h264 writes 8"
-        )
-
-
-def _looks_interlaced(info: MediaInfo) -> bool:
-    try:
-        return looks_interlaced(info.path)
-    except MediaError:
-        return False  # decoding it later reports why
 
 
 def credits_text(dub: Dub, identities: Mapping[str, Identity]) -> str:
@@ -201,24 +154,9 @@ def _dub(findings: Findings, place: int, dub: Dub, identities: Mapping[str, Iden
         findings.scenes[place] = edited(findings, at, dub, scene, identities)
         provenance_checks.inspect_film(findings, at, dub, scene.clip)
         sound_checks.of_dub(findings, at, dub, scene)
-        _delivery(findings, at, dub, scene)
+        film_checks.of_codec(findings, at, dub, scene)
+        film_checks.of_delivery(findings, at, dub, scene)
         _slow(findings, dub, scene, identities)
-
-
-def _delivery(findings: Findings, at: KeyPath, dub: Dub, scene: Scene) -> None:
-    """Check that a film has frames of its own to deliver."""
-    if dub.deliver == "video":
-        return
-    key = (*at, "deliver")
-    if not numbered(scene.clip):
-        findings.add(key, f"{scene.clip.name} is no image sequence; leave it out")
-    elif dub.frame == "crop":
-        findings.add(key, "is of whole frames; leave frame out")
-    elif scene.on_longer_audio not in ("cut", "fail") and (
-        scene.length > findings.media[scene.clip].frames - scene.first
-    ):
-        message = "the speech is longer than the film, so frames would come twice"
-        findings.add(key, f"{message}: set on_longer_audio to cut")
 
 
 def _whole_audio(

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from dubbing.engine.disk.files import same_on_disk
+from dubbing.engine.disk.numbered import plain
 from dubbing.manifest.keys.entries import Dub, Entry, Identity
 from dubbing.manifest.keys.yaml_lines import KeyPath, key_path
 from dubbing.production.dub import previous_of, results_of
@@ -98,6 +99,7 @@ def unwritable(folder: Path) -> str:
 
 def _identities(path: Path) -> Iterator[object]:
     """Names of a file that tell it apart: its path without links, and its inode, if it exists."""
+    path = plain(path)
     yield Path(os.path.realpath(path))  # of a link to itself, too
     try:
         status = os.stat(path)

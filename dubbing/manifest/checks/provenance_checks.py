@@ -5,6 +5,7 @@
 
 from pathlib import Path
 
+from dubbing.engine.disk.numbered import plain
 from dubbing.errors import ExplainedError
 from dubbing.manifest.keys.entries import Dub
 from dubbing.manifest.keys.findings import Findings
@@ -43,8 +44,10 @@ def inspect_film(findings: Findings, at: KeyPath, dub: Dub, film: Path) -> None:
         return
     problem, prevents = credentials.film_problem(film)
     if prevents:
-        message = f"{film.name} cannot be signed over, {problem}: give the film as it was signed"
+        message = (
+            f"{plain(film).name} cannot be signed over, {problem}: give the film as it was signed"
+        )
         findings.add((*at, "certificate"), f"{message}, or leave certificate and key out")
     elif problem:
-        what = f"{dub.name} is signed over {film.name}, though {problem}"
+        what = f"{dub.name} is signed over {plain(film).name}, though {problem}"
         findings.warn(f"{what}; its credentials will record that")

@@ -89,7 +89,7 @@ def _channels(
         found[one.why] = one
     for why, said in WHY_NOT_ALL.items():
         if why in found:
-            what = f"the {info.audio_channels} channels of {info.path.name} {said}"
+            what = f"the {info.audio_channels} channels of {info.name} {said}"
             heard = f"channel {found[why].taken} is heard as the voice"
             findings.warn(f"{where}: {what}; {heard}")
 
@@ -108,7 +108,7 @@ def _bed(findings: Findings, at: KeyPath, dub: Dub, film: MediaInfo, *, speaks: 
             findings.warn(f"{dub.name}: {music.path.name} {lasts}: is it of the same cut?")
     for key, info in under.items():
         if (info.audio_channels or 0) > MOST_CHANNELS:
-            count = f"{info.audio_channels} channels in {info.path}"
+            count = f"{info.audio_channels} channels in {info.name}"
             findings.add((*at, key), f"{count}: a scene takes {MOST_CHANNELS} at most; mix it down")
 
 
@@ -127,7 +127,7 @@ def of_tracks(findings: Findings, info: MediaInfo) -> None:
     """Say which of several tracks of a file are seen and heard."""
     if info.unseen_tracks:
         count = 1 + info.unseen_tracks
-        findings.warn(f"{info.path.name}: of its {count} video tracks number 1 alone is seen")
+        findings.warn(f"{info.name}: of its {count} video tracks number 1 alone is seen")
     heard = [str(track + 1) for track in info.audio_tracks]
     if info.audio_rate is None or (len(heard) == 1 and not info.unheard_tracks):
         return
@@ -136,4 +136,4 @@ def of_tracks(findings: Findings, info: MediaInfo) -> None:
         what = f"tracks {', '.join(heard)} of {total} are heard as the channels of one sound"
     else:
         what = f"of its {total} tracks of sound number {heard[0]} alone is heard"
-    findings.warn(f"{info.path.name}: {what}")
+    findings.warn(f"{info.name}: {what}")

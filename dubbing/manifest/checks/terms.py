@@ -37,7 +37,7 @@ def of_dub(dub: Dub, identity: Identity) -> Iterator[tuple[KeyPath, str]]:
     consent, film = identity.consent, dub.clip or identity.clip
     if consent.films is not None and not covers_film(consent.films, film):
         key = "clip" if dub.clip else "identity" if dub.identity else "speakers"
-        yield (key,), f"the consent of {consent.by} does not name its film, {film.name}"
+        yield (key,), f"the consent of {consent.by} does not name its film, {plain(film).name}"
     if consent.languages is None:
         return
     named = ", ".join(consent.languages)
@@ -58,6 +58,7 @@ def covers_film(films: tuple[Path | str, ...], clip: Path) -> bool:
     if any(isinstance(film, Path) and _same(film, clip) for film in films):
         return True
     digests = {film.casefold() for film in films if isinstance(film, str)}
+    clip = plain(clip)
     return bool(digests) and clip.is_file() and sha256_of(clip) in digests
 
 

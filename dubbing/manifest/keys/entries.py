@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr
 
-from dubbing.engine.disk.numbered import plain, with_options
+from dubbing.engine.disk.numbered import numbered, plain, with_options
 from dubbing.manifest.keys.consent_entry import Consent, read_form
 from dubbing.manifest.keys.edit_entry import Edits
 from dubbing.manifest.keys.entry import Entry
@@ -99,12 +99,19 @@ FacePoints = Annotated[
 
 
 class Colour(Entry):
-    """Colour spaces of image sequences, as OpenColorIO names them."""
+    """Colour spaces of clips, as OpenColorIO names them."""
 
     film: Annotated[str, AfterValidator(check_words)]
-    """Of the files: `ACEScg`, `LogC4`, `S-Log3 S-Gamut3.Cine`, `Rec.2100-PQ - Display`."""
+    """Of the clips: `ACEScg`, `LogC4`, `S-Log3 S-Gamut3.Cine`, `Rec.2100-PQ - Display`."""
     working: Annotated[str, AfterValidator(check_words)] | None = None
     """In which faces are found, learned and rendered: a display's; sRGB if left out."""
+    clips: tuple[FilePath, ...] = Field(default=(), strict=False)
+    """The clips that are in it; if left out, image sequences, or all where no clip is one."""
+
+    @property
+    def spaces(self) -> dict[str, str]:
+        """The colour spaces by their keys."""
+        return self.model_dump(exclude={"clips"}, exclude_none=True)
 
 
 class Identity(Entry):
@@ -121,7 +128,7 @@ class Identity(Entry):
     rate: Rate | None = None
     """Frames a second of clips that are image sequences; their headers' if left out."""
     colour: Colour | None = None
-    """Colour spaces of clips that are image sequences; their headers' if left out."""
+    """Colour spaces of clips; those that they say if left out, as PQ, HLG and EXR do."""
     face: FacePoints = ()
     """A point in this person's face, where the first clip shows several faces; one, or a list.
     Other shots and clips follow by looks.
@@ -153,15 +160,23 @@ class Identity(Entry):
     _beside: tuple[Path, ...] = PrivateAttr(())
 
     @property
-    def sequence_options(self) -> dict[str, str]:
-        """How its image sequences are read."""
-        colour = {} if self.colour is None else self.colour.model_dump(exclude_none=True)
-        return ({} if self.rate is None else {"rate": self.rate}) | colour
+    def sequences(self) -> tuple[Path, ...]:
+        """Those of its clips that are image sequences."""
+        return tuple(film for film in self.films if numbered(film))
 
-    def with_sequences(self) -> Self:
-        """The same with paths of image sequences that say how they are read."""
-        options = self.sequence_options
-        clip, *clips = (with_options(path, options) for path in (self.clip, *self.clips))
+    def with_options(self) -> Self:
+        """The same with paths of clips that say how they are read."""
+        colour: dict[str, str] = {}
+        coloured: tuple[Path, ...] = ()
+        if self.colour is not None:
+            colour = self.colour.spaces
+            coloured = tuple(map(plain, self.colour.clips or self.sequences or self.films))
+
+        def read(path: Path) -> Path:
+            rate = {"rate": self.rate} if self.rate and numbered(path) else {}
+            return with_options(path, rate | (colour if plain(path) in coloured else {}))
+
+        clip, *clips = map(read, (self.clip, *self.clips))
         return self.model_copy(update={"clip": clip, "clips": tuple(clips)})
 
     @property

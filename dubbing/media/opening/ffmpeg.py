@@ -101,6 +101,16 @@ class Process:
         assert self._process.stdout is not None
         return self._process.stdout
 
+    def fill(self, buffer: memoryview) -> bool:
+        """Read so many bytes from its output; false where it ends before."""
+        filled, view = 0, buffer.cast("B")
+        while filled < len(view):
+            got = self.stdout.readinto(view[filled:])  # type: ignore[attr-defined]
+            if not got:
+                return False
+            filled += got
+        return True
+
     def finish(self) -> None:
         """Close the pipe and wait.
 

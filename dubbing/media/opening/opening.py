@@ -13,6 +13,7 @@ from typing import Any
 import av
 import ffmpeg
 
+from dubbing.engine.disk.numbered import plain
 from dubbing.errors import MediaError
 
 PROTOCOLS = "file,pipe"
@@ -46,7 +47,7 @@ def address(path: Path | str) -> str:
     """
     if (text := os.fsencode(path).decode(errors="replace")) != str(path):
         raise MediaError("its name or folder is not valid UTF-8", text, "rename it")
-    return f"file:{os.path.abspath(path)}"
+    return f"file:{os.path.abspath(plain(Path(path)))}"
 
 
 def opened(path: Path | str, *, short_packets: bool = False) -> av.container.InputContainer:
@@ -83,6 +84,11 @@ def picture_of(path: Path | str, zero: float | None, begin: float, **options: An
     if zero is None:
         return source(path, **options).video
     return source(path, copyts=None, **options).video.filter("setpts", _since(zero, begin))
+
+
+def in_time(picture: Stream, late: float) -> Stream:
+    """A decoded picture with its times of display, that are given late by so many seconds."""
+    return picture.filter("setpts", f"round(PTS-{late:.6f}/TB)") if late else picture
 
 
 def sound_of(
@@ -133,7 +139,7 @@ def into(path: Path | str | None, *streams: Stream, **options: Any) -> Graph:
 def _begins_as_playlist(path: Path | str) -> bool:
     """Whether a file is a playlist; ffmpeg would read one that is named like raw audio."""
     try:
-        with open(path, "rb") as file:
+        with open(plain(Path(path)), "rb") as file:
             begin = file.read(64)
     except (OSError, ValueError):
         return False  # opening it reports the error

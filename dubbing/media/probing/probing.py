@@ -4,28 +4,26 @@ Every packet is read (not decoded), so counts are those of the file, not of its 
 """
 
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
 
 import av
 import numpy as np
 
-from dubbing.engine.disk.numbered import numbered
+from dubbing.engine.disk.numbered import numbered, options_of, plain
 from dubbing.engine.disk.unchanged import while_unchanged
 from dubbing.errors import MediaError
 from dubbing.media.opening.opening import opened
 from dubbing.media.opening.tracks import Track, heard_tracks
-from dubbing.media.probing.fields import is_flagged
+from dubbing.media.probing.picture import AVI, picture_of
 from dubbing.media.probing.timecode_track import timecode_of
 from dubbing.media.probing.whole import check_frames, check_whole
-from dubbing.media.properties.colour import colour_of
+from dubbing.media.properties.film_values import FilmValues
 from dubbing.media.properties.frame_rate import choose_rate
 from dubbing.media.properties.info import MediaInfo, Picture
-from dubbing.media.properties.native import PixelFormat
 from dubbing.media.sequences import sequence
 
-SHORTEST, LONGEST, SLIMMEST = 16, 16384, 10  # px, px, and one side over the other
 FLOATS = {"pcm_f32le": "<f4", "pcm_f32be": ">f4", "pcm_f64le": "<f8", "pcm_f64be": ">f8"}
 LOUDEST = 1e6  # 1 is full scale; the AAC encoder fails from about 1e10
 RESTARTS = 0x0200  # AVFMT_TS_DISCONT, a flag of containers; see `MediaInfo.zero`
@@ -42,7 +40,7 @@ def probe(path: Path | str) -> MediaInfo:
     path = Path(path)
     if numbered(path):
         return sequence.probe(path)
-    if not os.path.isfile(path):
+    if not os.path.isfile(plain(path)):
         raise MediaError("no such file", str(path))
     return _probe(path)
 
@@ -51,7 +49,10 @@ def probe(path: Path | str) -> MediaInfo:
 def _probe(path: Path) -> MediaInfo:
     try:
         with opened(path) as container:
-            return _read(path, container)
+            info = _read(plain(path), container)
+            return replace(
+                info, path=path, values=FilmValues.of(options_of(path), info.colour.space)
+            )
     except (av.FFmpegError, ValueError) as error:
         raise MediaError("not a readable media file", str(path), str(error)) from error
 
@@ -83,7 +84,7 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
         heard = []  # a declared but empty track is no sound
     width = height = frames = 0
     rate: Fraction | None = None
-    variable, duration, timecode = False, 0.0, ""
+    variable, duration, timecode, late = False, 0.0, "", 0.0
     count: int | None = None
     picture: Picture | None = None
     video_start = packets.starts.get("video", zero) - zero
@@ -91,7 +92,7 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
     check_whole(path, container, told, packets.pictures, packets.times, packets.last - zero)
     if video is not None:
         check_frames(path, packets.pictures, packets.untimed, packets.times)
-        picture = _picture(path, video, packets.keys)
+        picture, late = picture_of(path, video, packets.keys)
         width, height = picture.width, picture.height
         times = sorted(packets.times)
         hints = [r for r in (video.average_rate, video.guessed_rate) if r]
@@ -125,6 +126,7 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
         unseen_tracks=max(0, len(pictures) - 1),
         centre=_centre(heard),
         peak=packets.peak,
+        late=late,
     )
 
 
@@ -165,9 +167,11 @@ def _visit(
     packets = _Packets()
     floats = {track.index: FLOATS.get(_codec(path, track)) for track in heard}
     wanted = {stream.index for stream in (video, *heard) if stream is not None}
+    decoding = container.format.name == AVI
     for packet in container.demux():
         unit = packet.time_base or 0  # none, of a packet without time stamps
-        at = float((packet.pts or 0) * unit)
+        stamp = packet.dts if decoding and packet.stream.type == "video" else packet.pts
+        at = float((stamp or 0) * unit)
         end = at + float((packet.duration or 0) * unit)
         packets.last = max(packets.last, end)  # of any stream
         if packet.stream.index not in wanted:
@@ -207,38 +211,3 @@ def _peak(path: Path, packet: av.Packet, kind: str) -> float:
         what = f"its sound holds samples that are not finite numbers, from about {at:.1f} s on"
         raise MediaError(what, str(path), "export it again, with 16 or 24 bits")
     return peak
-
-
-def _picture(path: Path, video: av.video.stream.VideoStream, keys: list[int]) -> Picture:
-    """Properties of the picture, from the first frame; and whether any frame is interlaced."""
-    try:
-        with opened(path) as container:
-            frame = next(container.decode(container.streams[video.index]), None)
-    except av.InvalidDataError as error:
-        what = "its first frames cannot be decoded, as where it begins between key frames"
-        raise MediaError(what, str(path), "convert it to .mp4 or .mov") from error
-    if not isinstance(frame, av.VideoFrame):
-        raise MediaError("no frame of it can be decoded", str(path), "is the file complete?")
-    width, height = frame.width, frame.height
-    aspect = video.sample_aspect_ratio
-    if aspect:
-        width = round(width * aspect)
-    if frame.rotation % 180:
-        width, height = height, width
-    sides = sorted((width, height))
-    stored = min(frame.width, frame.height)
-    if min(stored, sides[0]) < SHORTEST or sides[1] > min(LONGEST, SLIMMEST * sides[0]):
-        what = f"its picture is {width}x{height} px as displayed"
-        if (frame.width, frame.height) not in ((width, height), (height, width)):
-            what += f", {frame.width}x{frame.height} px as stored"
-        bounds = f"{SHORTEST} to {LONGEST} px a side, one at most {SLIMMEST} times the other"
-        raise MediaError(what, str(path), f"use a video of {bounds}")
-    pixels = frame.width * frame.height
-    return Picture(
-        width,
-        height,
-        colour_of(frame),
-        interlaced=bool(frame.interlaced_frame) or is_flagged(path, video.index, keys, pixels),
-        square=not aspect or aspect == 1,
-        pixels=PixelFormat.holding(frame.format.name),
-    )

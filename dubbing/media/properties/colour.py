@@ -1,6 +1,8 @@
 """Colour spaces of video, by ffmpeg's names."""
 
 from dataclasses import dataclass
+from struct import Struct
+from typing import Any
 
 import av
 
@@ -21,23 +23,50 @@ DEFAULTS = {
     "bt2020": ("bt2020", "bt2020-10"),
 }
 TAGS = {"bt709": "bt709", "bt601": "smpte170m", "bt2020": "bt2020nc"}
+# Rationals of x and y of red, green, blue and white, lowest and highest luminance, what is given.
+MASTERING, LIGHT = Struct("<22i"), Struct("<2I")
 RGB, FULL = 0, 2  # AVCOL_SPC_RGB, AVCOL_RANGE_JPEG
-HIGH_RANGE = {"smpte2084": "PQ", "arib-std-b67": "HLG"}
+# Colour spaces of OpenColorIO by transfer and primaries.
+SPACES = {
+    ("smpte2084", "smpte432"): "ST2084-P3-D65 - Display",
+    ("smpte2084", ""): "Rec.2100-PQ - Display",
+    ("arib-std-b67", ""): "Rec.2100-HLG - Display",
+}
+DYNAMIC = {
+    "DYNAMIC_HDR_PLUS": "HDR10+",
+    "DYNAMIC_HDR_VIVID": "HDR Vivid",
+    "DOVI_RPU_BUFFER": "Dolby Vision",
+    "DOVI_METADATA": "Dolby Vision",
+    "AMBIENT_VIEWING_ENVIRONMENT": "ambient light",
+}
+CHROMATICITY, LUMINANCE = 50000, 10000  # steps of mastering display metadata, a unit and cd/m2
 
 
 @dataclass(frozen=True)
 class Colour:
-    """Matrix, primaries, transfer, and whether levels go from 0 to 255 instead of 16 to 235."""
+    """Matrix, primaries, transfer, and whether levels go from 0 to 255 instead of 16 to 235.
+
+    Attributes:
+        mastering, light: static metadata of HDR, as ffmpeg's options of these; '' without any.
+    """
 
     matrix: str = "bt709"
     primaries: str = "bt709"
     transfer: str = "bt709"
     full_range: bool = False
+    mastering: str = ""
+    light: str = ""
 
     @property
-    def high_range(self) -> str:
-        """PQ or HLG; '' without HDR."""
-        return HIGH_RANGE.get(self.transfer, "")
+    def space(self) -> str:
+        """OpenColorIO's name of the colour space of HDR; '' without HDR."""
+        exact = SPACES.get((self.transfer, self.primaries))
+        return exact or SPACES.get((self.transfer, ""), "")
+
+    def static(self) -> dict[str, str]:
+        """Options of ffmpeg's input that give frames the static metadata."""
+        both = {"mastering_display": self.mastering, "content_light": self.light}
+        return {option: text for option, text in both.items() if text}
 
     def tags(self) -> dict[str, str]:
         """Arguments of the filter setparams: encoders write the properties of frames."""
@@ -54,9 +83,38 @@ def colour_of(frame: av.VideoFrame) -> Colour:
     larger = max(frame.width, frame.height) >= 1280 or int(frame.colorspace) == RGB
     matrix = MATRICES.get(int(frame.colorspace), "bt709" if larger else "bt601")
     primaries, transfer = DEFAULTS[matrix]
+    static = _side_data(frame)
     return Colour(
         matrix,
         PRIMARIES.get(int(frame.color_primaries), primaries),
         TRANSFERS.get(int(frame.color_trc), transfer),
         int(frame.color_range) == FULL and int(frame.colorspace) != RGB,
+        _mastering(static.get("MASTERING_DISPLAY_METADATA", b"")),
+        _light(static.get("CONTENT_LIGHT_LEVEL", b"")),
     )
+
+
+def dynamic_metadata(frame: av.VideoFrame) -> tuple[str, ...]:
+    """What a decoded frame carries that changes from scene to scene, or with the room."""
+    return tuple(dict.fromkeys(DYNAMIC[name] for name in _side_data(frame) if name in DYNAMIC))
+
+
+def _side_data(frame: av.VideoFrame) -> dict[str, bytes]:
+    found: Any = frame.side_data  # PyAV's stubs have another type
+    return {one.type.name: bytes(one) for one in found}
+
+
+def _mastering(data: bytes) -> str:
+    """Of an AVMasteringDisplayMetadata; '' where it lacks primaries or luminance."""
+    if len(data) < MASTERING.size or not all((found := MASTERING.unpack_from(data))[-2:]):
+        return ""
+    red, green, blue, white = (
+        ",".join(f"{round(CHROMATICITY * found[k] / found[k + 1])}" for k in (at, at + 2))
+        for at in range(0, 16, 4)
+    )
+    low, high = (round(LUMINANCE * found[k] / found[k + 1]) for k in (16, 18))
+    return f"G({green})B({blue})R({red})WP({white})L({high},{low})"
+
+
+def _light(data: bytes) -> str:
+    return ",".join(map(str, LIGHT.unpack_from(data))) if len(data) >= LIGHT.size else ""

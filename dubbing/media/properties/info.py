@@ -4,8 +4,10 @@ from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 
+from dubbing.engine.disk.numbered import plain
 from dubbing.errors import MediaError
 from dubbing.media.properties.colour import Colour
+from dubbing.media.properties.film_values import AS_SHOWN, FilmValues
 from dubbing.media.properties.native import YUV420, PixelFormat
 from dubbing.script.timecode import frame_of, nominal, timecode_of
 
@@ -19,6 +21,7 @@ class Picture:
         interlaced: whether a frame holds two fields.
         square: whether its pixels are square.
         pixels: the planar format that holds its values.
+        dynamic: what its first frame has of dynamic metadata, in words; it is not kept.
     """
 
     width: int
@@ -27,6 +30,7 @@ class Picture:
     interlaced: bool = False
     square: bool = True
     pixels: PixelFormat = YUV420
+    dynamic: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -49,10 +53,13 @@ class MediaInfo:
             larger ones.
         zero: time stamp of the start of the file in seconds, where ffmpeg would count from the
             first requested stream instead (MPEG-TS, MPEG-PS, Ogg); else None.
+        late: seconds after which ffmpeg's decoder gives the first frame of an AVI, which has no
+            times of display. All of them are late by that.
         timecode: of the first frame, as ``01:00:00:00``; '' where the file has none.
         timecode_count: timecodes a second, where they are not those of the frame rate: high rates
             often have half of them.
         picture: of the first frame; None without a picture.
+        values: the colour space of its picture, and that of what is shown of it.
     """
 
     path: Path
@@ -69,6 +76,7 @@ class MediaInfo:
     audio_duration: float | None
     audio_start: float
     zero: float | None = None
+    late: float = 0.0
     timecode: str = ""
     timecode_count: int | None = None
     audio_tracks: tuple[int, ...] = (0,)
@@ -76,6 +84,12 @@ class MediaInfo:
     unseen_tracks: int = 0
     centre: int | None = None
     peak: float = 0.0
+    values: FilmValues = AS_SHOWN
+
+    @property
+    def name(self) -> str:
+        """Of the file, as a manifest writes it."""
+        return plain(self.path).name
 
     @property
     def rate(self) -> Fraction:

@@ -7,16 +7,16 @@ film's own, and what is replaced keeps the film's finer steps. H x W pixels.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import av
 import numpy as np
 
 from dubbing.media.properties.colour import Colour
+from dubbing.media.properties.film_values import AS_SHOWN, STEPS, FilmValues
 
 WEIGHTS = {"bt709": (0.2126, 0.0722), "bt601": (0.299, 0.114), "bt2020": (0.2627, 0.0593)}  # R, B
-STEPS = 255.0  # of the RGB picture
 APART = 8  # rows, more than a value of chroma has
 CHROMA = {(0, 0): "444", (1, 0): "422", (1, 1): "420", (0, 1): "440", (2, 0): "411", (2, 2): "410"}
 Planes = list[np.ndarray]
@@ -92,39 +92,51 @@ class PixelFormat:
 
     def black(self, width: int, height: int, colour: Colour) -> Planes:
         """A black frame."""
-        low = 0 if self.rgb or self.count == 1 or colour.full_range else 16 << (self.bits - 8)
+        low = self._levels(colour)[0]
         values = [low, *[low if self.rgb else 1 << (self.bits - 1)] * (self.count - 1)]
         shapes = self.shapes(width, height)
         return [np.full(s, value, self.kind) for s, value in zip(shapes, values, strict=True)]
 
     def changed(
-        self, planes: Planes, before: np.ndarray, after: np.ndarray, colour: Colour
+        self,
+        planes: Planes,
+        before: np.ndarray,
+        after: np.ndarray,
+        colour: Colour,
+        values: FilmValues = AS_SHOWN,
     ) -> Planes:
         """Planes with what differs between two pictures (H, W, 3) uint8 RGB.
 
         Args:
             before: the picture that the planes show.
-            colour: of the film: how planes stand for RGB.
+            colour: of the film: how planes stand for RGB. values: how that is shown.
         """
         places = list(self._places((before != after).reshape(len(before), -1)))
         if not places:
             return planes
         out = [plane.copy() for plane in planes]
         for rows, columns in places:
-            more = after[rows, columns].astype(np.float32) - before[rows, columns]
-            for number, (plane, change) in enumerate(
-                zip(out, self._steps(more, colour), strict=True)
-            ):
-                down, across = (0, 0) if self.rgb or not number else (self.down, self.across)
-                part = plane[
-                    tuple(
-                        slice(s.start >> k, -(-s.stop // (1 << k)))
-                        for s, k in ((rows, down), (columns, across))
-                    )
-                ]
-                values = np.rint(part + pooled(change, down, across))
-                part[...] = np.clip(values, 0, (1 << self.bits) - 1)
+            one, other = before[rows, columns], after[rows, columns]
+            parts = list(self._parts(out, rows, columns))
+            if values.film:
+                film = self._colours(parts, one.shape[:2], colour)
+                more = (values.changed(film, one, other) - film) * np.float32(STEPS)
+            else:
+                more = other.astype(np.float32) - one
+            for (part, *halvings), change in zip(parts, self._steps(more, colour), strict=True):
+                new = np.rint(part + pooled(change, *halvings))
+                part[...] = np.clip(new, 0, (1 << self.bits) - 1)
         return out
+
+    def _parts(
+        self, planes: Planes, rows: slice, columns: slice
+    ) -> Iterator[tuple[np.ndarray, int, int]]:
+        """The part of each plane in rows and columns, with its halvings of both."""
+        for number, plane in enumerate(planes):
+            halvings = (0, 0) if self.rgb or not number else (self.down, self.across)
+            places = zip((rows, columns), halvings, strict=True)
+            there = tuple(slice(s.start >> k, -(-s.stop // (1 << k))) for s, k in places)
+            yield plane[there], *halvings
 
     def _places(self, differs: np.ndarray) -> Iterator[tuple[slice, slice]]:
         """Rows and columns that hold all that differs, (H, 3 W) bool: parts far from one another.
@@ -144,16 +156,40 @@ class PixelFormat:
 
     def _steps(self, more: np.ndarray, colour: Colour) -> list[np.ndarray]:
         """Changes of each plane from changes of RGB (h, w, 3), in steps of the format."""
-        deep = ((1 << self.bits) - 1) / STEPS
+        _, luma, chroma = (level / STEPS for level in self._levels(colour))
         if self.rgb:
-            return [more[..., k] * deep for k in (1, 2, 0)]
-        luma, chroma = (deep, deep)
-        if self.count > 1 and not colour.full_range:  # greys have all levels
-            luma, chroma = (n * (1 << (self.bits - 8)) / STEPS for n in (219, 224))
+            return [more[..., k] * luma for k in (1, 2, 0)]
         red, blue = WEIGHTS[colour.matrix]
         y = more @ np.array([red, 1 - red - blue, blue], np.float32)
         u, v = ((more[..., k] - y) / (2 - 2 * w) for k, w in ((2, blue), (0, red)))
         return [y * luma, u * chroma, v * chroma][: self.count]
+
+    def _colours(
+        self, parts: Sequence[tuple[np.ndarray, int, int]], size: tuple[int, ...], colour: Colour
+    ) -> np.ndarray:
+        """RGB (h, w, 3) float32, 1 for white, of parts of planes; the inverse of `_steps`."""
+        low, luma, chroma = self._levels(colour)
+        first, *others = (
+            part.repeat(1 << down, 0).repeat(1 << across, 1)[: size[0], : size[1]]
+            for part, down, across in parts
+        )
+        y = (first.astype(np.float32) - low) / luma
+        if self.rgb:
+            blue, red = (plane / np.float32(luma) for plane in others)
+            return np.stack([red, y, blue], -1)
+        if not others:
+            return np.stack([y] * 3, -1)
+        u, v = ((plane - np.float32(1 << (self.bits - 1))) / chroma for plane in others)
+        of_red, of_blue = WEIGHTS[colour.matrix]
+        red, blue = y + (2 - 2 * of_red) * v, y + (2 - 2 * of_blue) * u
+        green = (y - of_red * red - of_blue * blue) / (1 - of_red - of_blue)
+        return np.stack([red, green, blue], -1).astype(np.float32)
+
+    def _levels(self, colour: Colour) -> tuple[int, int, int]:
+        """Black, and from there to white, of luma or RGB; the whole range of chroma."""
+        if self.rgb or self.count == 1 or colour.full_range:  # greys have all levels
+            return 0, (1 << self.bits) - 1, (1 << self.bits) - 1
+        return 16 << (self.bits - 8), 219 << (self.bits - 8), 224 << (self.bits - 8)
 
 
 def _known(name: str) -> bool:

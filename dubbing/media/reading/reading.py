@@ -12,7 +12,7 @@ import numpy as np
 from dubbing.engine.disk.numbered import numbered
 from dubbing.errors import MediaError
 from dubbing.media.opening.ffmpeg import Process
-from dubbing.media.opening.opening import Graph, address, into, picture_of, sound_of
+from dubbing.media.opening.opening import Graph, address, in_time, into, picture_of, sound_of
 from dubbing.media.probing.probing import probe
 from dubbing.media.properties.info import MediaInfo
 from dubbing.media.properties.native import PixelFormat, Planes
@@ -20,6 +20,7 @@ from dubbing.media.reading.voice_channel import voice_channel
 from dubbing.media.sequences import sequence
 
 CHANNELS = {"rgb24": (3,), "rgba": (4,), "gray": ()}
+DEEP = "rgb48"  # of films that are shown in another colour space than their own
 SEEK_LEADS = (20, 320, 5120)  # frames; the first is more than any codec reorders
 NEAREST = 0.5  # frames, largest distance of a picture from the time at which it is used
 MISSING = 0.5  # seconds of audio that a decoder may lose, as at a damaged end
@@ -46,7 +47,8 @@ def read_frames(
         start: first frame, counted at ``rate``.
         count: number of frames; fewer at the end of the video.
         rate: frames a second; the video's own by default.
-        pixels: ``rgb24`` (H, W, 3), ``rgba`` (H, W, 4) or ``gray`` (H, W); uint8.
+        pixels: ``rgb24`` (H, W, 3), what a display shows; ``rgba`` (H, W, 4) or ``gray`` (H, W);
+            uint8.
 
     Raises:
         MediaError: no picture, or the file ends before its last frame.
@@ -56,8 +58,12 @@ def read_frames(
         yield from sequence.read_frames(info.path, start, count, rate or info.rate)
         return
     shape = (info.height, info.width, *CHANNELS[pixels])
-    for frame in _frames(info, start, count, rate, pixels, math.prod(shape)):
-        yield frame.reshape(shape)
+    if not info.values.film or pixels != "rgb24":
+        for frame in _frames(info, start, count, rate, pixels, math.prod(shape)):
+            yield frame.reshape(shape)
+        return
+    for frame in _frames(info, start, count, rate, DEEP, 2 * math.prod(shape)):
+        yield info.values.picture(frame.view(np.uint16).reshape(shape))
 
 
 def read_planes(
@@ -100,7 +106,7 @@ def _frames(
             with Process(graph, str(path), pipe_out=True) as process:
                 for index in range(count):
                     frame = np.empty(size, np.uint8)
-                    filled = _fill(process, frame)
+                    filled = process.fill(frame.data)
                     if index == 0 and lead < start and not _landed(_content(note), lead, rate):
                         break
                     if not filled:
@@ -210,7 +216,7 @@ def _frame_graph(
     # lead. The time of the first key frame goes to the note; frames before it may be broken.
     begin = float((start - lead) / rate)
     seek = {"ss": f"{begin:.6f}", "noaccurate_seek": None} if start > lead else {}
-    picture = picture_of(info.path, info.zero, begin, **seek)
+    picture = in_time(picture_of(info.path, info.zero, begin, **seek), info.late)
     if start > lead:
         picture = picture.filter("select", "if(isnan(prev_selected_n),key,1)")
         picture = picture.filter("metadata", mode="add", key="first", value=1)
@@ -221,7 +227,7 @@ def _frame_graph(
         picture = picture.filter("trim", start_frame=lead).filter("setpts", "PTS-STARTPTS")
     # The last picture is displayed to the end of the video.
     picture = picture.filter("tpad", stop_mode="clone", stop=2)
-    if pixels == "rgb24":
+    if pixels in ("rgb24", DEEP):
         size = {"w": info.width, "h": info.height}
         picture = picture.filter("scale", **size, flags=SCALER, in_color_matrix=info.colour.matrix)
     elif pixels == info.pixels.name and not (info.picture is None or info.picture.square):
@@ -237,14 +243,3 @@ def _landed(note: str, lead: int, rate: Fraction) -> bool:
     """Whether there is a key frame, at the time in the note, and frame ``lead`` not before it."""
     _, options, time = note.partition("pts_time:")
     return bool(options) and float(time.split()[0]) * rate < lead + NEAREST
-
-
-def _fill(process: Process, frame: np.ndarray) -> bool:
-    view = frame.data.cast("B")
-    filled = 0
-    while filled < len(view):
-        got = process.stdout.readinto(view[filled:])  # type: ignore[attr-defined]
-        if not got:
-            return False
-        filled += got
-    return True

@@ -62,7 +62,7 @@ class Image:
         return out
 
 
-@while_unchanged(2)  # two readers go through a film side by side
+@while_unchanged(4)  # two readers go through a film side by side, some frames apart
 def read_image(file: Path) -> Image:
     """An image file. What is given must not be changed.
 

@@ -17,10 +17,10 @@ from dubbing.engine.disk.numbered import numbered
 from dubbing.engine.disk.unchanged import while_unchanged
 from dubbing.errors import MediaError
 from dubbing.media.properties.colour import Colour
+from dubbing.media.properties.film_values import LINEAR, FilmValues
 from dubbing.media.properties.frame_rate import snap
 from dubbing.media.properties.info import MediaInfo, Picture
 from dubbing.media.properties.native import RGB
-from dubbing.media.sequences.film_values import LINEAR, FilmValues, space_of
 from dubbing.media.sequences.image_files import TIMECODE, Image, header_of, read_image
 from dubbing.script.timecode import frame_of, timecode_of
 
@@ -40,7 +40,8 @@ def probe(path: Path) -> MediaInfo:
     """The properties of a film of numbered files, by their names and the header of the first.
 
     Raises:
-        MediaError: none is there, some are missing, or one cannot be read.
+        MediaError: none is there, some are missing, or one cannot be read; OpenColorIO does not
+            know its colour space, or that must be named.
     """
     return _probe(path)
 
@@ -59,8 +60,9 @@ def _probe(path: Path) -> MediaInfo:
     header = header_of(files[first])
     if header.getattribute("PixelAspectRatio") not in (None, 0.0, 1.0):
         raise MediaError("its pixels are not square", where, "resize it to square pixels")
-    values_of(path)  # a colour space that is not known is an error of the film
-    rate = _rate(header, sequence.options.get("rate"), where)
+    options = sequence.options
+    film = options.get("film") or _space(files[first], header)
+    rate = _rate(header, options.get("rate"), where)
     written = header.get_string_attribute(TIMECODE)
     try:
         frame_of(written, rate)
@@ -81,22 +83,8 @@ def _probe(path: Path) -> MediaInfo:
         audio_duration=None,
         audio_start=0.0,
         timecode=written,
+        values=FilmValues.of(options | {"film": film}),
     )
-
-
-@while_unchanged(1024)
-def values_of(path: Path) -> FilmValues:
-    """The colour space of a film of numbered files: as asked for, else by the first header.
-
-    Raises:
-        MediaError: OpenColorIO does not know it, or it must be named.
-    """
-    sequence = numbered(path)
-    assert sequence is not None
-    file = next(iter(sequence.files().values()))
-    film = sequence.options.get("film") or _space(file, header_of(file))
-    working = sequence.options.get("working", "")
-    return FilmValues(space_of(film) if film else "", space_of(working) if working else "")
 
 
 def read(path: Path, frame: int) -> Image:
@@ -116,7 +104,7 @@ def read_frames(path: Path, start: int, count: int | None, rate: Fraction) -> It
     Raises:
         MediaError: one is of another size than the first; see `read_image`.
     """
-    info, values, sequence = probe(path), values_of(path), numbered(path)
+    info, sequence = probe(path), numbered(path)
     assert sequence is not None
     files = [*sequence.files().values()]
     total = round(info.frames * rate / info.rate)
@@ -127,7 +115,7 @@ def read_frames(path: Path, start: int, count: int | None, rate: Fraction) -> It
             size = f"{image.stored.shape[1]}x{image.stored.shape[0]} px"
             what = f"is {size}, not {info.width}x{info.height} as the first"
             raise MediaError(what, str(file), "give frames of one size")
-        yield values.picture(image.values())
+        yield info.values.picture(image.values())
 
 
 def _rate(header: Any, asked: str | None, where: str) -> Fraction:

@@ -11,8 +11,18 @@ from dubbing.engine.disk.files import atomic_path
 from dubbing.engine.disk.numbered import numbered
 from dubbing.errors import MediaError
 from dubbing.media.opening.ffmpeg import run
-from dubbing.media.opening.opening import LAYOUTS, Stream, address, into, joined, sound_of, source
+from dubbing.media.opening.opening import (
+    LAYOUTS,
+    Stream,
+    address,
+    in_time,
+    into,
+    joined,
+    sound_of,
+    source,
+)
 from dubbing.media.probing.probing import probe
+from dubbing.media.properties.info import MediaInfo
 from dubbing.media.reading.reading import read_frames
 from dubbing.media.writing.writing import THREADS, VideoWriter
 
@@ -118,24 +128,28 @@ def cut(video: Path, out: Path, first: int, count: int) -> None:
 
 
 def proxy(video: Path, out: Path, metadata: Mapping[str, str]) -> None:
-    """A small H.264 copy of a video, which every browser plays.
+    """A small H.264 copy of a video, which every browser plays: what a display shows of it.
 
     Raises:
         MediaError: ffmpeg failed.
     """
     film, info = source(video), probe(video)
-    if numbered(video):
-        _proxy_of_images(video, out)
-        return
     colour = info.colour
-    width = f"min({PROXY_WIDTH},trunc(iw/2)*2)"
-    picture = film.video.filter(
-        "scale", w=width, h=-2, out_color_matrix=colour.matrix, out_range="tv"
-    ).filter("setparams", **{**colour.tags(), "range": "tv"})
     encoder = {"vcodec": "libx264", "pix_fmt": "yuv420p", "crf": 23, "preset": "veryfast"}
     audio = [_in_stereo(film.audio, info.audio_channels)] if info.audio_channels else []
     sound = {"acodec": "aac", "ac": 2, "audio_bitrate": "128k"} if audio else {}
-    with atomic_path(out) as temporary:
+    with tempfile.TemporaryDirectory() as folder, atomic_path(out) as temporary:
+        if numbered(video) or info.values.film:
+            shown = Path(folder, "shown.mp4")
+            _shown(info, shown)
+            picture, encoder = source(shown).video, {"vcodec": "copy"}
+        else:
+            width = f"min({PROXY_WIDTH},trunc(iw/2)*2)"
+            picture = (
+                in_time(film.video, info.late)
+                .filter("scale", w=width, h=-2, out_color_matrix=colour.matrix, out_range="tv")
+                .filter("setparams", **{**colour.tags(), "range": "tv"})
+            )
         graph = into(
             temporary,
             picture,
@@ -151,16 +165,15 @@ def proxy(video: Path, out: Path, metadata: Mapping[str, str]) -> None:
         run(graph, str(out))
 
 
-def _proxy_of_images(video: Path, out: Path) -> None:
-    """The same of an image sequence."""
+def _shown(info: MediaInfo, out: Path) -> None:
+    """The picture of a small copy of what a display shows."""
     import cv2  # which plans do without
     import numpy as np
 
-    info = probe(video)
     width = min(PROXY_WIDTH, info.width) // 2 * 2
     size = width, max(2, round(info.height * width / info.width / 2) * 2)
     with VideoWriter(out, *size, info.rate) as writer:
-        for image in read_frames(video):
+        for image in read_frames(info.path):
             writer.write(np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA)))
 
 

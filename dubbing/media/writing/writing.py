@@ -62,7 +62,7 @@ CODECS = {
         even=True,
     ),
     "hevc": Codec(
-        {"vcodec": "libx265", "crf": 16, "preset": "fast", "tag:v": "hvc1"},
+        {"vcodec": "libx265", "crf": 12, "preset": "fast", "tag:v": "hvc1"},
         ("yuv420p", "yuv420p10le"),
         even=True,
     ),
@@ -84,12 +84,12 @@ SUFFIX = {  # of files for people
 class VideoWriter:
     """Context manager: ``write`` frames; the complete file appears when the block ends well.
 
-    ``codec``: ``h264`` and ``hevc`` (crf 16, 4:2:0), ``prores`` (422 HQ), ``prores4444`` and
-    ``dnxhr`` (HQX) for people; lossless ``ffv1``, ``ffv1-rgba`` and ``ffv1-gray``. An odd side of
-    a 4:2:0 picture is made even by repeating its last line. ``colour``: colour space of the
-    frames, BT.709 by default; ProRes and DNxHR always have video levels. ``pixels``: of a film
-    whose planes are written; RGB pictures by default. The bytes of the file depend only on the
-    frames and on ffmpeg.
+    ``codec``: ``h264`` (crf 16) and ``hevc`` (crf 12: within one value of 10 bits), both 4:2:0,
+    ``prores`` (422 HQ), ``prores4444`` and ``dnxhr`` (HQX) for people; lossless ``ffv1``,
+    ``ffv1-rgba`` and ``ffv1-gray``. An odd side of a 4:2:0 picture is made even by repeating its
+    last line. ``colour``: colour space of the frames, BT.709 by default; ProRes and DNxHR always
+    have video levels. ``pixels``: of a film whose planes are written; RGB pictures by default. The
+    bytes of the file depend only on the frames and on ffmpeg.
 
     Raises:
         MediaError: a frame of another shape, or ffmpeg failed.
@@ -172,8 +172,8 @@ class VideoWriter:
         width, height = self._size
         # `r` too: otherwise ffmpeg guesses from the times, 120 for 120000/1001.
         rates = {"framerate": f"{self._rate}", "r": f"{self._rate}"}
-        picture = piped(pix_fmt=self._raw, s=f"{width}x{height}", **rates)
         there, film = self.codec.format_for(self._pixels), self._colour or Colour()
+        picture = piped(pix_fmt=self._raw, s=f"{width}x{height}", **rates, **film.static())
         colour = film if self.codec.full_range else replace(film, full_range=False)
         yuv = there.startswith(("yuv", "gray")) and self._raw not in RAW.values()
         tags = colour.tags() if yuv or self._colour else {}

@@ -73,8 +73,8 @@ def write_film(clip: Path, folder: Path) -> None:
     import OpenImageIO
 
     from dubbing.media import probe, read_frames
+    from dubbing.media.properties.film_values import FilmValues
     from dubbing.media.sequences import image_files, sequence
-    from dubbing.media.sequences.film_values import FilmValues
 
     values, rate = FilmValues("ACEScg"), probe(clip).rate
     for number, picture in enumerate(read_frames(clip, count=round(FILM_SECONDS * rate)), 1001):

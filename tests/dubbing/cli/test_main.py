@@ -131,6 +131,7 @@ def test_sync_beside_the_source_prints_what_the_report_has(
         video=composite,
         source=own,
         codec="h264",
+        options={},
         spoken=((0, 75),),
         credits=0,
         weights={},

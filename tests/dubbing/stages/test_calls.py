@@ -191,12 +191,13 @@ def test_check_reads_the_sources_figures(tmp_path: Path, monkeypatch: pytest.Mon
         video=Made(folder=tmp_path / "composite"),
         source=source,
         codec="ffv1",
+        options={"film": "LogC4"},
         spoken=((3, 9),),
         credits=7,
         weights={},
     )
     stage.run(tmp_path / "check", quiet)
-    assert work.call_args[0] == (tmp_path / "composite" / "video.mkv",)
+    assert work.call_args[0] == (tmp_path / "composite" / "video.mkv;film=LogC4",)
     named = work.call_args[1]
     assert (named["source"], named["voices"]) == (result, None)
     assert (named["parts"], named["leave_out"]) == (((3, 9),), 7)

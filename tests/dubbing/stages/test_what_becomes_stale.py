@@ -242,6 +242,7 @@ def test_of_an_image_sequence(folder: Path) -> None:
     for place, value, expected in (
         ("identities.ann.rate", 24, again | {"listen", "check"}),
         ("identities.ann.colour", {"film": "ACEScg"}, again),
+        ("identities.ann.colour", {"film": "ACEScg", "clips": ["shot.####.exr"]}, again),
         ("dubs.0.deliver", "turnover", {"composite"}),
     ):
         assert stale(folder, before, changed(before, place, value)) == expected, place

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from dubbing import media
-from dubbing.manifest.checks.inputs import _picture
+from dubbing.engine.disk.numbered import options_of, with_options
+from dubbing.manifest.checks.film_checks import of_picture
 from dubbing.manifest.keys.findings import Findings
 from dubbing.media import PixelFormat
 from dubbing.mixing.sound import Sound
@@ -33,7 +34,7 @@ class Film:
 
     Attributes:
         made: options of the encoder. codec: of the dub. kept: whether the dub is of that size,
-            with all that is not replaced bit for bit.
+            with all that is not replaced bit for bit. colour: what the manifest says of it.
     """
 
     name: str
@@ -43,43 +44,61 @@ class Film:
     size: tuple[int, int] = (96, 64)
     timecode: str = ""
     kept: bool = True
+    colour: str = ""
 
 
-BT2020 = "-color_primaries bt2020 -colorspace bt2020nc -color_trc bt2020-10"
+def tagged(transfer: str, primaries: str = "bt2020", matrix: str = "bt2020nc") -> str:
+    """Options of the encoder of a film in a colour space of its own."""
+    tags = f"colorspace={matrix}:color_primaries={primaries}:color_trc={transfer}"
+    return f"-vf scale=out_color_matrix=bt2020,format=yuv420p10le,setparams={tags}"
+
+
+PQ, HLG = tagged("smpte2084"), tagged("arib-std-b67")
+DNXHR = "-c:v dnxhd -profile:v dnxhr_hqx -pix_fmt yuv422p10le"
+HEVC = "-c:v libx265 -pix_fmt yuv420p10le -x265-params log-level=none"
+MASTERING = "G(13250,34500)B(7500,3000)R(34000,16000)WP(15635,16450)L(10000000,1)"
+PRORES4444 = "-c:v prores_ks -profile:v 4444 -pix_fmt yuv444p10le"
 FILMS = [
     Film("h264_8.mp4", "-c:v libx264 -pix_fmt yuv420p"),
     Film("h264_10.mp4", "-c:v libx264 -pix_fmt yuv420p10le", rate="24000/1001"),
     Film("h264_422_10.mov", "-c:v libx264 -pix_fmt yuv422p10le", rate="30000/1001"),
     Film("h264_full.mp4", "-c:v libx264 -pix_fmt yuvj420p -color_range pc"),
-    Film("hevc_10.mp4", "-c:v libx265 -pix_fmt yuv420p10le -x265-params log-level=none", rate="50"),
+    Film("hevc_10.mp4", HEVC, rate="50"),
     Film("hevc_12.mkv", "-c:v libx265 -pix_fmt yuv420p12le -x265-params log-level=none"),
     Film("prores.mov", "-c:v prores_ks -profile:v hq", rate="24", timecode="01:00:00:00"),
-    Film("prores4444.mov", "-c:v prores_ks -profile:v 4444 -pix_fmt yuv444p10le"),
-    Film("dnxhr.mov", "-c:v dnxhd -profile:v dnxhr_hqx -pix_fmt yuv422p10le", size=(256, 128)),
+    Film("prores4444.mov", PRORES4444),
+    Film("dnxhr.mov", DNXHR, size=(256, 128)),
     Film("ffv1_8.mkv", "-c:v ffv1 -pix_fmt yuv444p"),
     Film("ffv1_16.mkv", "-c:v ffv1 -pix_fmt yuv444p16le"),
     Film("ffv1_rgb16.mkv", "-c:v ffv1 -pix_fmt gbrp16le"),
     Film("ffv1_grey.mkv", "-c:v ffv1 -pix_fmt gray10le"),
     Film("mpeg2.ts", "-c:v mpeg2video -q:v 2"),
+    Film("b_frames.avi", "-c:v libx264 -bf 2", rate="30000/1001"),
     Film("mjpeg.avi", "-c:v mjpeg -q:v 2"),
     Film("vp9.webm", "-c:v libvpx-vp9 -lossless 1", rate="60000/1001"),
-    Film("bt2020.mkv", f"-c:v ffv1 -pix_fmt yuv420p10le {BT2020}"),
-    Film("p3.mkv", "-c:v ffv1 -pix_fmt yuv444p10le -color_primaries smpte432"),
+    Film("bt2020.mkv", f"-c:v ffv1 {tagged('bt2020-10')}"),
+    Film("p3.mkv", f"-c:v ffv1 {tagged('bt709', 'smpte432')}"),
     Film("odd.mkv", "-c:v ffv1 -pix_fmt yuv420p", size=(97, 65)),
     Film("drop.mov", "-c:v libx264", rate="30000/1001", timecode="01:00:59;28"),
     Film("half.mov", "-c:v libx264", rate="60000/1001", timecode="01:00:00:10"),
-    Film("to_hevc.mp4", "-c:v libx265 -pix_fmt yuv420p10le -x265-params log-level=none", "hevc"),
+    Film("to_hevc.mp4", HEVC, "hevc"),
     Film("to_prores.mov", "-c:v prores_ks -profile:v hq", "prores", timecode="10:00:00:00"),
-    Film("to_4444.mov", "-c:v prores_ks -profile:v 4444 -pix_fmt yuv444p10le", "prores4444"),
+    Film("to_4444.mov", PRORES4444, "prores4444"),
+    Film("pq.mkv", f"-c:v ffv1 {PQ}"),
+    Film("pq_p3.mkv", f"-c:v ffv1 {tagged('smpte2084', 'smpte432')} -pix_fmt yuv444p12le"),
+    Film("pq_rgb.mkv", "-c:v ffv1 -vf format=gbrp12le,setparams=color_trc=smpte2084"),
+    Film("pq_to_hevc.mp4", f"{HEVC}:max-cll=1000,400:master-display={MASTERING} {PQ}", "hevc"),
+    Film("pq_to_prores.mov", f"-c:v prores_ks -profile:v hq {PQ}", "prores", "24"),
+    Film("pq_to_dnxhr.mov", f"{DNXHR} {PQ}", "dnxhr", size=(256, 128)),
+    Film("hlg.mov", f"{HEVC} {HLG}", "prores4444", "50"),
+    Film("hlg_to_hevc.mp4", f"{HEVC} {HLG}", "hevc", "60000/1001"),
+    Film("logc4.mov", PRORES4444, "prores4444", "24", colour="LogC4"),
+    Film("slog3.mkv", "-c:v ffv1 -pix_fmt yuv422p10le", colour="S-Log3 S-Gamut3.Cine"),
+    Film("vlog.mov", f"{HEVC} -color_range pc", "hevc", colour="V-Log"),
     Film("turned.mp4", "-c:v libx264", size=(96, 80), kept=False),
     Film("wide.mp4", "-c:v libx264 -vf setsar=4/3", size=(96, 96), kept=False),
 ]
 REFUSED = {
-    "pq.mkv": ("-c:v ffv1 -vf format=yuv420p10le,setparams=color_trc=smpte2084", "is HDR (PQ)"),
-    "hlg.mkv": (
-        "-c:v ffv1 -vf format=yuv420p10le,setparams=color_trc=arib-std-b67",
-        "is HDR (HLG)",
-    ),
     "fields.mp4": ("-vf interlace -flags +ilme+ildct -x264-params tff=1", "is interlaced"),
 }
 
@@ -126,16 +145,23 @@ def tolerance(codec: str, pixels: PixelFormat) -> float:
 @pytest.mark.parametrize("film", FILMS, ids=lambda film: film.name)
 def test_a_film_is_kept(tmp_path: Path, film: Film) -> None:
     clip = write(tmp_path, film.name, film.made, film)
+    clip = with_options(clip, {"film": film.colour} if film.colour else {})
     before = media.probe(clip)
+    assert bool(before.values.film) == any(
+        [film.colour, *(name in film.made for name in ("smpte2084", "arib-std-b67"))]
+    )
     result = dubbed(tmp_path, clip, film.codec)
     after = media.probe(result)
     assert (after.rate, after.frames) == (before.rate, FRAMES)
     assert after.full_timecode_at(0) == before.full_timecode_at(0)
     assert bool(before.timecode) == bool(film.timecode)
-    assert after.colour.primaries == before.colour.primaries
-    assert after.colour.transfer == before.colour.transfer
+    assert replace(after.colour, matrix="", full_range=False) == replace(
+        before.colour, matrix="", full_range=False
+    )
+    assert bool(after.colour.mastering) == ("master-display" in film.made)
     assert abs((after.audio_duration or 0) - FRAMES / float(before.rate)) < 0.03
-    numbers = [clips.number(frame) for frame in media.read_frames(result)]
+    shown = with_options(result, options_of(clip))
+    numbers = [clips.number(frame) for frame in media.read_frames(shown)]
     if film.name.startswith("turned"):
         assert (after.width, after.height) == film.size[::-1]
         return
@@ -160,5 +186,5 @@ def test_a_film_is_refused(tmp_path: Path, name: str) -> None:
     options, words = REFUSED[name]
     clip = write(tmp_path, name, options, Film(name, options))
     findings = Findings()
-    _picture(findings, "ann", media.probe(clip), ("identities", "ann", "clip"))
+    of_picture(findings, "ann", media.probe(clip), ("identities", "ann", "clip"))
     assert words in findings.problems[0][1]

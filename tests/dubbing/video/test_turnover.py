@@ -121,7 +121,7 @@ def test_a_turnover_over_the_film_is_the_finished_frame(shot: Shot) -> None:
     found = shot.delivered()
     assert (found["frames"], found["outside"]) == (5, 0)
     assert found["steps"] <= 1
-    values = sequence.values_of(shot.clip)
+    values = media.probe(shot.clip).values
     video = list(media.read_frames(shot.folder / "out" / "video.mkv"))
     for k in (0, 1, 4, 5):
         film = sequence.read(shot.clip, k).values()
@@ -151,7 +151,7 @@ def test_the_layers_of_a_turnover(shot: Shot) -> None:
     assert front[row + 4, column] == 0
     assert opacity[row + 3, column] > 0
     colour = image.stored[row, column, 5:8][None, None]
-    shown = sequence.values_of(shot.clip).picture(colour)[0, 0]
+    shown = media.probe(shot.clip).values.picture(colour)[0, 0]
     assert np.abs(shown - np.array([*fakes.HEAD[:2], 2])).max() <= 2
 
 

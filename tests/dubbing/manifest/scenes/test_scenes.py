@@ -362,7 +362,7 @@ def test_what_would_look_wrong_is_refused(folder: Path) -> None:
     clips.ffmpeg("-i", folder / "film.mp4", "-vf", change, *options, folder / "hdr.mp4")
     fields = ["-vf", "interlace", "-flags", "+ilme+ildct", "-x264-params", "tff=1", *options]
     clips.ffmpeg("-i", folder / "film.mp4", *fields, folder / "fields.mp4")
-    for clip, message in (("hdr.mp4", "is HDR (PQ)"), ("fields.mp4", "is interlaced")):
+    for clip, message in (("hdr.mp4", "too few for Rec.2100-PQ"), ("fields.mp4", "is interlaced")):
         with pytest.raises(ManifestError, match=re.escape(message)):
             load(written(folder, GOOD, clip))
     deep = ["-vf", "format=yuv420p10le,setsar=4/3", *options]

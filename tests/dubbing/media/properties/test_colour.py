@@ -90,7 +90,7 @@ def test_what_is_not_kept_is_seen(tmp_path: Path) -> None:
     hdr = write(
         tmp_path / "hdr.mp4", *tagged(Colour("bt2020", "bt2020", "smpte2084"), "yuv420p10le")
     )
-    assert media.probe(hdr).colour.high_range == "PQ"
+    assert media.probe(hdr).colour.space == "Rec.2100-PQ - Display"
     assert media.probe(hdr).picture.pixels.bits == 10  # type: ignore[union-attr]
     fields = write(
         tmp_path / "i.mp4", "-c:v", "libx264", "-flags", "+ilme+ildct", "-x264-params", "tff=1",

@@ -51,6 +51,19 @@ def test_packets_that_run_late_do_not_shift_a_seek(tmp_path: Path) -> None:
         assert got == shown[start : start + 4]
 
 
+@pytest.mark.parametrize("codec", ["libx264", "mpeg4"])
+def test_frames_of_an_avi_are_where_its_sound_is(tmp_path: Path, clip: Path, codec: str) -> None:
+    """It has no times of display, and ffmpeg guesses those of B-frames too late."""
+    path, coder = tmp_path / "b.avi", ("-c:v", codec, "-bf", "2", "-q:v", "3", "-g", "40")
+    clips.ffmpeg("-i", clip, *coder, "-c:a", "pcm_s16le", path)
+    info = media.probe(path)
+    assert (info.frames, info.video_start, info.late > 0) == (300, 0, True)
+    assert [clips.number(f) for f in media.read_frames(path)] == list(range(300))
+    for start in (1, 39, 40, 42, 251):
+        (one,) = media.read_frames(path, start=start, count=1)
+        assert clips.number(one) == start
+
+
 def test_another_rate_keeps_time(clip: Path) -> None:
     got = [clips.number(f) for f in media.read_frames(clip, rate=Fraction(15))]
     assert len(got) == 150

@@ -14,8 +14,9 @@ from dubbing.engine.disk.file_digests import digest_of
 from dubbing.engine.disk.numbered import numbered, plain, with_options
 from dubbing.errors import ExplainedError, MediaError
 from dubbing.media import probe, read_frames, read_planes
-from dubbing.media.sequences import film_values, image_files, sequence
-from dubbing.media.sequences.film_values import FilmValues
+from dubbing.media.properties import film_values
+from dubbing.media.properties.film_values import FilmValues
+from dubbing.media.sequences import image_files, sequence
 from tests import sequences
 
 GREY = np.full((48, 64, 3), 0.18, np.float16)
@@ -112,7 +113,7 @@ def test_colours_are_those_that_are_given_or_tagged(
     tmp_path: Path, tags: dict[str, Any], options: dict[str, str], wanted: str
 ) -> None:
     path = film(tmp_path, rate=24, **tags)
-    assert sequence.values_of(with_options(path, options)).film == wanted
+    assert probe(with_options(path, options)).values.film == wanted
 
 
 @pytest.mark.parametrize(("name", "words"), [("nope", "has no such"), ("S-Log3", "several")])

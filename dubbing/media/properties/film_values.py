@@ -2,14 +2,15 @@
 
 Faces are found, learned and rendered in the display picture: RGB of 8 bits. Only what is changed
 there is changed in the film's values, by as much. What no display shows, such as highlights, stays
-where a pixel changes little. H x W pixels.
+where a pixel changes little. White of HDR, 203 cd/m2 (BT.2408), is white there. H x W pixels.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -21,6 +22,8 @@ LINEAR = "lin_rec709_scene"  # linear light with the primaries of sRGB
 SCENE, DISPLAY = "srgb_rec709_scene", "srgb_display"  # display pictures of the two kinds of films
 STEPS = 255.0  # of the display picture
 SHORT = {"rec709": "g24_rec709_scene"}  # names that OpenColorIO does not have
+XYZ = "CIE XYZ-D65 - Display-referred"
+WHITE = 203 / 100  # of HDR, where OpenColorIO has 1 for 100 cd/m2
 FADE = 8  # power by which highlights fade as a pixel changes
 
 
@@ -37,14 +40,35 @@ class FilmValues:
     film: str = ""
     working: str = ""
 
+    @classmethod
+    def of(cls, options: Mapping[str, str], tagged: str = "") -> Self:
+        """The colour spaces that options of a film ask for, else the one it is tagged with.
+
+        Raises:
+            MediaError: OpenColorIO does not know one.
+        """
+        film, working = options.get("film", ""), options.get("working", "")
+        return cls(space_of(film) if film else tagged, space_of(working) if working else "")
+
+    def check(self) -> None:
+        """Look for OpenColorIO, where it is needed.
+
+        Raises:
+            ExplainedError: it is not installed.
+        """
+        if self.film:
+            spaces()
+
     def display(self, values: np.ndarray) -> np.ndarray:
         """The display's values (H, W, 3) float32, 0..1 for those that it can show."""
         shown = _applied(self._transforms[0], values) if self.film else values
         return np.nan_to_num(shown, nan=0.0)
 
     def picture(self, values: np.ndarray) -> np.ndarray:
-        """The display picture (H, W, 3) uint8."""
-        shown = np.clip(self.display(values), 0, 1) * np.float32(STEPS)
+        """The display picture (H, W, 3) uint8; uint16 values have 65,535 for 1."""
+        if self.film:
+            return _applied(self._transforms[2 + (values.dtype == np.uint16)], values, np.uint8)
+        shown = np.clip(np.nan_to_num(values, nan=0.0), 0, 1) * np.float32(STEPS)
         return (shown + np.float32(0.5)).astype(np.uint8)
 
     def of_display(self, shown: np.ndarray) -> np.ndarray:
@@ -58,16 +82,20 @@ class FilmValues:
             before: the display picture of the values.
         """
         differs = (before != after).any(-1)
-        shown = self.display(values)
+        shown = self.display(values[None, differs])
         inside = np.clip(shown, 0, 1)
-        more = (after.astype(np.float32) - before) / STEPS
-        beyond = (shown - inside) * (1 - np.abs(more)) ** FADE
-        new = self.of_display(np.clip(inside + more, 0, 1) + beyond)
-        return np.where(differs[..., None], new, values)
+        more = (after[differs].astype(np.float32) - before[differs]) / np.float32(STEPS)
+        beyond = (shown - inside) * (1 - np.abs(more).max(-1, keepdims=True)) ** FADE
+        new = values.copy()
+        new[differs] = self.of_display(np.clip(inside + more, 0, 1) + beyond)[0]
+        return new
 
     @cached_property
-    def _transforms(self) -> tuple[Any, Any]:
+    def _transforms(self) -> tuple[Any, ...]:
         return _transforms(self.film, self.working)
+
+
+AS_SHOWN = FilmValues()
 
 
 @cache
@@ -103,21 +131,46 @@ def space_of(name: str) -> str:
 
 
 @lru_cache(maxsize=8)
-def _transforms(film: str, working: str) -> tuple[Any, Any]:
+def _transforms(film: str, working: str) -> tuple[Any, ...]:
+    """To the display, back, and quickly to its picture, of float32 and of uint16."""
     import PyOpenColorIO
 
     config = spaces()
-    of_display = config.getColorSpace(film).getReferenceSpaceType()
-    shown = of_display == PyOpenColorIO.REFERENCE_SPACE_DISPLAY
-    pair = (film, working or (DISPLAY if shown else SCENE))
+    space, change = config.getColorSpace(film), PyOpenColorIO.ColorSpaceTransform
+    of_display = space.getReferenceSpaceType() == PyOpenColorIO.REFERENCE_SPACE_DISPLAY
+    if space.getEncoding() == "hdr-video" and not working:
+        white = PyOpenColorIO.MatrixTransform.Scale([1 / WHITE] * 3 + [1])
+        steps = [change(film, XYZ), white, change(XYZ, DISPLAY)]
+    else:
+        steps = [change(film, working or (DISPLAY if of_display else SCENE))]
+    both = PyOpenColorIO.GroupTransform(steps)
+    there, back = (
+        config.getProcessor(both, way)
+        for way in (PyOpenColorIO.TRANSFORM_DIR_FORWARD, PyOpenColorIO.TRANSFORM_DIR_INVERSE)
+    )
     # Without losses: a value that goes there and back is the same.
-    return tuple(
-        config.getProcessor(*way).getOptimizedCPUProcessor(PyOpenColorIO.OPTIMIZATION_LOSSLESS)
-        for way in (pair, pair[::-1])
+    exact, quick = PyOpenColorIO.OPTIMIZATION_LOSSLESS, PyOpenColorIO.OPTIMIZATION_VERY_GOOD
+    eight = PyOpenColorIO.BIT_DEPTH_UINT8
+    return (
+        there.getOptimizedCPUProcessor(exact),
+        back.getOptimizedCPUProcessor(exact),
+        there.getOptimizedCPUProcessor(PyOpenColorIO.BIT_DEPTH_F32, eight, quick),
+        there.getOptimizedCPUProcessor(PyOpenColorIO.BIT_DEPTH_UINT16, eight, quick),
     )
 
 
-def _applied(transform: Any, values: np.ndarray) -> np.ndarray:
-    out = np.array(values, np.float32, order="C")
-    transform.applyRGB(out)
+def _applied(transform: Any, values: np.ndarray, kind: type = np.float32) -> np.ndarray:
+    import PyOpenColorIO
+
+    given = np.ascontiguousarray(values, None if values.dtype == np.uint16 else np.float32)
+    out: np.ndarray = np.empty(given.shape, kind)
+    depths = transform.getInputBitDepth(), transform.getOutputBitDepth()
+    height, width = out.shape[:2]
+    if not out.size:
+        return out
+    images: list[Any] = []
+    for image, depth in zip((given, out), depths, strict=True):
+        strides = (image.itemsize * n for n in (1, 3, 3 * width))
+        images.append(PyOpenColorIO.PackedImageDesc(image, width, height, 3, depth, *strides))
+    transform.apply(*images)
     return out
