@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from scipy.ndimage import gaussian_filter1d, grey_opening
+from scipy.ndimage import gaussian_filter1d, grey_opening, median_filter
 
 from dubbing.compositing.face_mask import jaw_share
 from dubbing.face.face_contour import FaceContour
@@ -57,9 +57,10 @@ class Neck:
         low = smooth(bottom(matte), unit) + BELOW * unit
         x, y = np.arange(size) - contour.middle[0], low - contour.middle[1]
         jaw = jaw_share(contour, np.arctan2(y, x))
-        room = room_below(image, low, jaw > 0)
-        enough = np.clip((room / unit - TOO_FEW) / (ENOUGH - TOO_FEW), 0, 1)
         wide = max(2, round(NARROW * unit))
+        # In a collar's shade some columns seem to be neck, and those beside them not.
+        room = median_filter(room_below(image, low, jaw > 0), 2 * wide + 1)
+        enough = np.clip((room / unit - TOO_FEW) / (ENOUGH - TOO_FEW), 0, 1)
         clothes = gaussian_filter1d(grey_opening(jaw * (1 - enough), wide), EDGE * unit)
         return cls(low, room, jaw * enough, clothes)
 
@@ -122,8 +123,8 @@ def bottom(head: np.ndarray) -> np.ndarray:
 def room_below(image: np.ndarray, low: np.ndarray, jaw: np.ndarray) -> np.ndarray:
     """Px of neck (S,), at most `MAX_NECK_PX`, that each column has below the chin (S,).
 
-    Pixels at least about as red as the face are neck. The face is measured above the chin, in the
-    columns `jaw` (S,) bool.
+    Pixels at least about as red as the face are neck, and dark ones with such below them. The face
+    is measured above the chin, in the columns `jaw` (S,) bool.
     """
     size, out = len(image), np.zeros(len(image))
     unit = size / REFERENCE_SIZE
@@ -144,9 +145,14 @@ def room_below(image: np.ndarray, low: np.ndarray, jaw: np.ndarray) -> np.ndarra
         return out
     usual = np.median(light[face])
     pale = np.where(light < usual, SHADED, SKIN)
-    other = (red < np.median(red[face]) - pale) | (light < DARK * usual)
-    other &= row >= low
-    collar = np.where(other.any(0), rows.start + other.argmax(0) - EDGE * unit, size)
+    dark, below = light < DARK * usual, row >= low
+    other = below & ~dark & (red < np.median(red[face]) - pale)
+    first = np.where(other.any(0), other.argmax(0), len(row))
+    # A shadow with neck below it is neck; the gap under a collar has none.
+    neck = below & ~dark & (row - rows.start < first)
+    last = len(row) - neck[::-1].argmax(0)
+    end = np.where(last == len(row), size, rows.start + last - EDGE * unit)
+    collar = np.where(neck.any(0), end, 0)
     out[columns] = np.clip(collar - low, 0, MAX_NECK_PX * unit)
     return out
 

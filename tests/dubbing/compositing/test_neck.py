@@ -126,6 +126,27 @@ def test_a_neck_that_a_shirt_lights_is_a_neck() -> None:
     assert not where[S // 2 + COLLAR + 2 :].any()
 
 
+def test_a_shadow_under_the_chin_is_neck_and_a_gap_under_a_collar_is_not() -> None:
+    rows = np.arange(S)[:, None] - S / 2
+    for shirt, neck in ((COLLAR + 20, True), (FILM + 12, False)):
+        image, _, matte, contour = scene(collar=shirt)
+        radius = np.hypot(rows, np.arange(S) - S / 2)
+        image[(matte == 0) & (rows > 0) & (radius < FILM + 12)] = (50, 32, 28)
+        found = Neck.of(image, matte, contour)
+        middle = slice(S // 2 - 30, S // 2 + 30)
+        assert (found.share[middle] > 0.9).all() == neck
+        assert (found.share[middle] < 0.1).all() != neck
+
+
+def test_columns_that_look_like_neck_alone_draw_no_stripes() -> None:
+    image, _, matte, contour = scene(collar=FILM + 4)
+    image[S // 2 + FILM :, S // 2 - 40 : S // 2 + 40 : 4] = SKIN
+    found = Neck.of(image, matte, contour)
+    middle = slice(S // 2 - 40, S // 2 + 40)
+    assert not found.share[middle].any()
+    assert (found.clothes[middle] > 0.9).all()
+
+
 def test_a_narrow_strip_of_skin_is_no_neck() -> None:
     """As a strand of hair or the edge of a hand has its colour: a line would show up to the jaw."""
     image, background, matte, contour = scene(collar=FILM + 4)
