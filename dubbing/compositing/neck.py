@@ -151,8 +151,8 @@ def room_below(image: np.ndarray, low: np.ndarray, jaw: np.ndarray) -> np.ndarra
     # A shadow with neck below it is neck; the gap under a collar has none.
     neck = below & ~dark & (row - rows.start < first)
     last = len(row) - neck[::-1].argmax(0)
-    end = np.where(last == len(row), size, rows.start + last - EDGE * unit)
-    collar = np.where(neck.any(0), end, 0)
+    collar = np.where(last == len(row), size, rows.start + last - EDGE * unit)
+    collar = np.where(neck.any(0), collar, 0)
     out[columns] = np.clip(collar - low, 0, MAX_NECK_PX * unit)
     return out
 
