@@ -23,6 +23,7 @@ from dubbing import media
 from dubbing.engine.disk.files import atomic_write_json
 from dubbing.errors import TrainingError
 from dubbing.heads.curve import write_curve, write_events
+from dubbing.heads.hand_cut import without_hands
 from dubbing.heads.initial_model import init_from_base, training_settings
 from dubbing.heads.pose_refinement import refined
 from dubbing.identity.best_seconds import choose_frames, parts_of
@@ -76,7 +77,7 @@ def finetune(
         clip_speech(clip, settings.speech, settings.weights, offset) for clip, offset in films
     ]
     chosen = choose_frames(clips, speeches, start, seconds)
-    footage = with_turned(chosen) if settings.turned else chosen
+    footage = [without_hands(one) for one in (with_turned(chosen) if settings.turned else chosen)]
     pictures = out / RESUME_FOLDER / PICTURES_FOLDER
     person = load_identity(clips[0].clip.stem, footage, folder=pictures)
     model = init_from_base(base, settings)

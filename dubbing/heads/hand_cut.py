@@ -7,15 +7,16 @@ surely of it and what surely is not, `cv2.grabCut` finds the edge. S side of a c
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import cv2
 import numpy as np
 
-from dubbing.face.finding.hand_finder import WRIST
-from dubbing.heads.comparison import Compared, H, W, to_face
+from dubbing.face.finding.hand_finder import WRIST, HandFinder
+from dubbing.heads.comparison import Compared, H, W, images, to_face
 from dubbing.heads.cover_cut import APART, ROUNDS, on_edges
+from dubbing.identity.clip_frames import ClipFrames
 from dubbing.preparation.matting.matting import dilate
 
 FINGERS = ((1, 2, 3, 4), (5, 6, 7, 8), (9, 10, 11, 12), (13, 14, 15, 16), (17, 18, 19, 20))
@@ -27,6 +28,9 @@ FINEST = 48  # px, length of a palm from which a picture is made smaller
 FRACTION = 16  # of a pixel, as OpenCV draws
 BELOW = 12  # px of the frame of the face round the lower face, where a chin may be new
 DIFFERS = 0.25  # of a hand over it that the head does not explain
+EVERY = 5  # frames from one that is searched for hands before anything is learned to the next
+OVER = 0.05  # of the frame of the face: less of a hand is beside the lower face
+LEFT = 0.5  # of the frames, at least, must show no hand, or all are taken
 
 
 @dataclass(frozen=True)
@@ -106,6 +110,24 @@ def lies_over(hand: np.ndarray, compared: Compared, landmarks: np.ndarray) -> bo
     if seen.any():
         return bool((compared.apart[seen] > APART / 2).mean() > DIFFERS)
     return bool((there & dilate(compared.known | compared.lips, BELOW)).any())
+
+
+def without_hands(footage: ClipFrames) -> ClipFrames:
+    """Frames of a clip, of which those with a hand before the mouth count as without a face.
+
+    A finger in a picture of a mouth would be seen wherever that mouth is. Of `EVERY` frames one is
+    searched; those around it are like it.
+    """
+    clip, finder = footage.clip, HandFinder()
+    some = footage.with_face[::EVERY]
+    seen = [
+        t
+        for t, image in zip(some, images(clip, some), strict=True)
+        if any(in_face(hand, clip.landmarks[t]).mean() > OVER for hand in finder.follow([image])[0])
+    ]
+    near = np.abs(np.subtract.outer(np.arange(len(clip)), np.array(seen, int))) < EVERY
+    left = replace(footage, clip=replace(clip, detected=clip.detected & ~near.any(1)))
+    return left if len(left.with_face) >= LEFT * len(footage.with_face) else footage
 
 
 def hand_mask(image: np.ndarray, hands: Sequence[np.ndarray]) -> np.ndarray:

@@ -1,18 +1,37 @@
 """Hands are found, and cut out of a face that has their colours."""
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 import pytest
 
 from dubbing.face.finding.hand_finder import POINTS, HandFinder
+from dubbing.heads import hand_cut
 from dubbing.heads.comparison import Compared, H, W, to_face
-from dubbing.heads.hand_cut import hand_mask, lies_over
+from dubbing.heads.hand_cut import EVERY, hand_mask, lies_over, without_hands
+from dubbing.identity.clip_frames import ClipFrames
+from dubbing.preparation.prepared import PreparedClip
+from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from dubbing.workshop.true_dubs import objects
 from tests import fakes
 
 SIZE = 320
 FRAMES = (140, 150, 160)  # in which the hand is up
+
+
+@dataclass(frozen=True)
+class Clip:
+    """As much of a prepared clip as is asked for."""
+
+    landmarks: np.ndarray
+    detected: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.detected)
+
+
 LIPS = np.zeros((H, W), bool)
 LIPS[44:56, 30:58] = True
 FACE = np.zeros((H, W), bool)
@@ -68,3 +87,29 @@ def test_a_hand_counts_where_the_head_does_not_explain_it(hands: list[np.ndarray
     assert lies_over(hand, seen, landmarks)
     assert not lies_over(hand, replace(seen, apart=np.zeros_like(apart)), landmarks)
     assert not lies_over(hand + np.array([0, 2 * SIZE, 0]), seen, landmarks)
+
+
+@pytest.mark.parametrize(("shown", "dropped"), [([10], range(6, 15)), ([], []), ([0, 10, 20], [])])
+def test_frames_with_a_hand_before_the_mouth_are_not_learned(
+    hands: list[np.ndarray],
+    shown: list[int],
+    dropped: Sequence[int],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Where most of them show one they are learned: the finder may be wrong, and few are left."""
+    landmarks = np.stack([fakes.face(SIZE)] * 25)
+    hand = hands[1].copy()
+    hand[:, :2] += landmarks[0, 13] - hand[9, :2]
+    clip = cast(PreparedClip, Clip(landmarks, np.ones(25, bool)))
+    pictures = [
+        skin() if t not in shown else np.zeros((SIZE, SIZE, 3), np.uint8) for t in range(25)
+    ]
+    monkeypatch.setattr(hand_cut, "images", lambda _, frames: [pictures[t] for t in frames])
+    monkeypatch.setattr(
+        HandFinder, "follow", lambda _, images: [[] if x.any() else [hand] for x in images]
+    )
+    footage = ClipFrames(clip, cast(SpeechFrames, None), np.arange(25))
+    left = without_hands(footage)
+    assert EVERY == 5
+    np.testing.assert_array_equal(left.with_face, np.setdiff1d(np.arange(25), dropped))
+    np.testing.assert_array_equal(left.frames, footage.frames)
