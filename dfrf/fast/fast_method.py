@@ -192,9 +192,9 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
         generator: torch.Generator,
         resumed: bool,
     ) -> None:
-        if self.model.config.field.learns_lips:
+        if self.model.config.field.learns_lips and not resumed:
             own = self.model.field.conditioning
-            if not resumed and config.lip_iterations:
+            if config.lip_iterations:
                 train_speech_networks(own, datasets, config.lip_iterations, generator)
             if len(datasets) == 1:  # a fine-tune
                 scale_decoded_lips(own, datasets[0])

@@ -181,12 +181,13 @@ def scale_decoded_lips(conditioning: Conditioning, dataset: HeadDataset) -> None
     """Scales the decoder so that lips decoded from a person's speech have mean 0 and variance 1.
 
     The measured lips have these, too, so measures decoded from codes then are the person's own.
-    The code that decodes to some lips stays the same.
+    The code that decodes to some lips stays the same. Codes that are not finite change nothing.
     """
     mean, spread = decoded_statistics(conditioning, dataset_codes(conditioning, dataset))
-    spread = spread.clamp_min(LEAST_SPREAD)
-    conditioning.lips.weight.div_(spread[:, None])
-    conditioning.lips.bias.sub_(mean).div_(spread)
+    if spread.isfinite().all():
+        spread = spread.clamp_min(LEAST_SPREAD)
+        conditioning.lips.weight.div_(spread[:, None])
+        conditioning.lips.bias.sub_(mean).div_(spread)
 
 
 @torch.no_grad()

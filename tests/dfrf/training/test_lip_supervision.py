@@ -127,7 +127,7 @@ def test_a_person_s_decoded_lips_are_in_the_measured_ones_unit_and_no_code_chang
     train_speech_networks(own, [someone], 50, torch.Generator().manual_seed(0))
     assert own.lips(dataset_codes(own, someone)).std(0).min() < 0.9
     before = supervised_codes(own, someone)
-    for _ in range(2):  # a run that goes on does it again
+    for _ in range(2):  # a run in two parts does it again
         scale_decoded_lips(own, someone)
     decoded = own.lips(dataset_codes(own, someone))
     torch.testing.assert_close(decoded.mean(0), torch.zeros(7), atol=1e-4, rtol=0)

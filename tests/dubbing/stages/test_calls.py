@@ -166,7 +166,7 @@ def test_speech_then_heads(clip: Path, tmp_path: Path, monkeypatch: pytest.Monke
     ((folder, (one,)), _) = scale_of.call_args
     assert (folder, one.folder) == (tmp_path / "model", prepared)
     lips = work.call_args[1]["lips"]
-    assert lips.shape == (40, 7)
+    assert lips.shape == (40, 8)
     assert (np.flatnonzero(~np.isnan(lips[:, 0])) == [4, 5, 6, 7]).all()
     np.testing.assert_allclose(lips[4:8, 0], [3, 4, 5, 6], atol=1e-5)
     assert np.isnan(lips[:, 1:]).all()
