@@ -26,7 +26,9 @@ MAX_NECK_PX = 40.0  # of neck that are stretched
 # How much lower a neck's share of red may be than the face's, if it is brighter, or if it is not: a
 # shirt lights the shade above it. A collar's is lower.
 SKIN, SHADED = 0.05, 0.08
-DARK = 0.45  # share of the face's light below which nothing is neck: the gap under a collar
+# Shares of the face's light: below the first is shadow, whose colour says nothing, below the other
+# the gap under a collar.
+DARK, GAP = 0.45, 0.25
 TOO_FEW, ENOUGH = 8.0, 20.0  # px of neck below the chin to stretch
 EDGE = 3.0  # px of neck that the edge of a collar shades
 NARROW = 10.0  # px: fewer columns beside one another are no neck
@@ -145,10 +147,10 @@ def room_below(image: np.ndarray, low: np.ndarray, jaw: np.ndarray) -> np.ndarra
         return out
     usual = np.median(light[face])
     pale = np.where(light < usual, SHADED, SKIN)
-    dark, below = light < DARK * usual, row >= low
-    other = below & ~dark & (red < np.median(red[face]) - pale)
+    dark, gap, below = light < DARK * usual, light < GAP * usual, row >= low
+    other = below & (gap | (~dark & (red < np.median(red[face]) - pale)))
     first = np.where(other.any(0), other.argmax(0), len(row))
-    # A shadow with neck below it is neck; the gap under a collar has none.
+    # A shadow with neck below it is neck.
     neck = below & ~dark & (row - rows.start < first)
     last = len(row) - neck[::-1].argmax(0)
     collar = np.where(last == len(row), size, rows.start + last - EDGE * unit)

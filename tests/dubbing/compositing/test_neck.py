@@ -131,7 +131,7 @@ def test_a_shadow_under_the_chin_is_neck_and_a_gap_under_a_collar_is_not() -> No
     for shirt, neck in ((COLLAR + 20, True), (FILM + 12, False)):
         image, _, matte, contour = scene(collar=shirt)
         radius = np.hypot(rows, np.arange(S) - S / 2)
-        image[(matte == 0) & (rows > 0) & (radius < FILM + 12)] = (50, 32, 28)
+        image[(matte == 0) & (rows > 0) & (radius < FILM + 12)] = (64, 48, 44)
         found = Neck.of(image, matte, contour)
         middle = slice(S // 2 - 30, S // 2 + 30)
         assert (found.share[middle] > 0.9).all() == neck
