@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
 
 from dubbing.compositing.face_mask import jaw_share
 from dubbing.compositing.neck import Neck
@@ -29,8 +30,8 @@ LOWER_LIP = 17  # of FaceMesh
 STRETCHED = 0.8  # of the way from chin to lip, over which skin is stretched
 UNSURE = 1.5  # px by which outlines differ by chance
 # Heights above the chin, of the face's, between which a jaw's side begins; px beside it, and as
-# many over which it fades. The same from a jaw to the clothes below the film's.
-SIDES, BESIDE, NEARLY = (0.06, 0.18), 5.0, 7.0
+# many over which it fades. The same from a jaw to the clothes below the film's, smoothed along it.
+SIDES, BESIDE, NEARLY, EVEN = (0.06, 0.18), 5.0, 7.0, 6.0
 
 
 def radii(opacity: np.ndarray, middle: np.ndarray) -> np.ndarray:
@@ -160,7 +161,8 @@ def beside_jaw(
     side = np.clip((height - SIDES[0]) / (SIDES[1] - SIDES[0]), 0, 1)
     below = np.clip(neck.low[columns].astype(int) - rows.start, 0, len(away) - 1)
     gap = away[below, np.arange(len(below))]
-    on_clothes = neck.clothes[columns] * np.clip(2 - gap / NEARLY, 0, 1)
+    even = gaussian_filter1d(gap, EVEN * len(shown) / REFERENCE_SIZE)
+    on_clothes = neck.clothes[columns] * np.clip(2 - even / NEARLY, 0, 1)
     share = np.maximum(side * np.clip(2 - away / BESIDE, 0, 1), on_clothes)
     out[rows, columns] = share * shown[rows, columns]
     return out

@@ -4,7 +4,17 @@ import numpy as np
 import pytest
 
 from dubbing.compositing.composite import replacement
-from dubbing.compositing.jaw_line import ANGLES, MOST, UNSURE, beside, jaw_lines, moved, radii
+from dubbing.compositing.jaw_line import (
+    ANGLES,
+    MOST,
+    UNSURE,
+    beside,
+    beside_jaw,
+    jaw_lines,
+    moved,
+    radii,
+)
+from dubbing.compositing.neck import Neck
 from dubbing.face.face_contour import face_contour
 from dubbing.preparation.prepared import FilmFrame
 from tests import fakes
@@ -70,6 +80,18 @@ def test_what_differs_by_chance_moves_nothing() -> None:
     for offset in (0.0, 1.0, -1.0):
         after = moved(before, np.full(len(ANGLES), offset), LANDMARKS, CONTOUR)
         np.testing.assert_array_equal(after, before)
+
+
+def test_above_clothes_the_films_skin_fades_without_stripes() -> None:
+    """The row where clothes begin jitters from column to column."""
+    x = np.arange(S) - CONTOUR.middle[0]
+    low = CONTOUR.middle[1] + np.sqrt(np.maximum((CHIN + 10.5) ** 2 - x**2, 0)) + np.arange(S) % 2
+    neck = Neck(low, np.zeros(S), np.zeros(S), np.ones(S))
+    share = beside_jaw(LANDMARKS, disc(CHIN), np.ones((S, S), bool), neck)
+    middle = slice(S // 2 - 40, S // 2 + 40)
+    beside_chin = share[round(CONTOUR.middle[1] + CHIN) + 2, middle]
+    assert np.abs(np.diff(beside_chin)).max() < 0.03
+    assert 0.2 < beside_chin.min() < beside_chin.max() < 0.8
 
 
 def test_a_composite_has_the_jaw_where_the_film_has_it() -> None:
