@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 from dfrf.config import family
 from dubbing.engine.graph.fields import Setting
 from dubbing.engine.graph.stage import Progress, Rate, Stage
+from dubbing.face.weight_paths import HAND_WEIGHTS
 from dubbing.identity.finetune_settings import FinetuneSettings
 from dubbing.stages.base import DubbingStage, Prepared
 
@@ -40,7 +41,7 @@ class Finetune(DubbingStage):
         clips: to learn from, the main one first.
         start, seconds: see `Person`.
         base: checkpoint to start from; None for random weights.
-        weights: the files behind the speech features of the settings.
+        weights: of the speech features of the settings, and of the networks that find hands.
         crops: learned frames, each as a share of a full head crop.
     """
 
@@ -64,7 +65,7 @@ class Finetune(DubbingStage):
             seconds=person.seconds,
             settings=person.settings,
             base=person.base,
-            weights=person.speech_files,
+            weights={**person.speech_files, **HAND_WEIGHTS},
             crops=person.learned_frames * person.crops(person.clip),
             device=device,
         )

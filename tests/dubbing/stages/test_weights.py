@@ -35,7 +35,8 @@ def test_every_weights_file_of_the_package_is_an_input_of_who_reads_it(tmp_path:
     faces = {"face_detector", "face_landmarks", "person_mask"}
     not_read = {  # where a module that reads weights is imported for something else
         "refine_poses": {"encoder", "filter", "acoustic_weights", "voice_detector", *faces},
-        "render": {"encoder", "filter", "acoustic_weights", "voice_detector"},
+        "finetune": faces,
+        "render": {"encoder", "filter", "acoustic_weights", "voice_detector", *faces, *hands},
         "prepare": hands,
         "check": {"person_mask", *hands},
         "check_source": {"person_mask", *hands},
