@@ -38,7 +38,7 @@ UNDER = 12.0  # px that the neck extends under the edge of the head
 
 @dataclass(frozen=True)
 class Neck:
-    """What lies below the film's jaw in each column of a frame.
+    """Neck and clothes below the film's jaw in each column of a frame.
 
     Attributes:
         low: (S,) row below which none of the jaw shows. room: (S,) px of neck below it.

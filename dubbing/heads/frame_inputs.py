@@ -141,7 +141,7 @@ def _decided(
     speech: SpeechFrames,
     of: Callable[[Conditioning, Tensor, Tensor], Tensor],
 ) -> np.ndarray | None:
-    """What a model's conditioning makes of all frames of speech; None without lip measures."""
+    """Answers of a model's conditioning for all frames of speech; None without lip measures."""
     own = getattr(getattr(model, "field", None), "conditioning", None)
     if own is None or not own.config.learns_lips:
         return None

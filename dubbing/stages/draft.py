@@ -185,7 +185,7 @@ class HalfSize:
         return np.c_[self.scales[name].lengths(found[:, :-1]), found[:, -1:]]
 
     def _heard(self, cue: Cue, edit: Edit) -> tuple[SpeechFrames, np.ndarray | None]:
-        """What is heard in the frames of a cue in the style of an edit, and lips that it gives."""
+        """Speech in the frames of a cue in the style of an edit, and the lips that it gives."""
         from dubbing.identity.lip_scale import given_lips
 
         speech = self.speech[cue.name].styled(edit.style)

@@ -95,7 +95,7 @@ def colour_of(frame: av.VideoFrame) -> Colour:
 
 
 def dynamic_metadata(frame: av.VideoFrame) -> tuple[str, ...]:
-    """What a decoded frame carries that changes from scene to scene, or with the room."""
+    """Metadata of a decoded frame that changes from scene to scene, or with the room."""
     return tuple(dict.fromkeys(DYNAMIC[name] for name in _side_data(frame) if name in DYNAMIC))
 
 

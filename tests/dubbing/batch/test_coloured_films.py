@@ -143,7 +143,7 @@ def test_dynamic_metadata_is_named(folder: Path, monkeypatch: pytest.MonkeyPatch
 
 
 def test_the_pictures_differ(folder: Path) -> None:
-    """What is tracked is not the flat picture."""
+    """A display picture is tracked, not the flat one."""
     path = manifest(folder, "log.mov", "film: LogC4")
     clip = load(path).people["ann"].clips[0].path
     flat, shown = next(read_frames(folder / "log.mov")), next(read_frames(clip))

@@ -15,7 +15,7 @@ from dubbing.heads.cover_cut import (
     steady,
     unexplained,
 )
-from dubbing.heads.covers import lasting, runs_of, told_apart
+from dubbing.heads.covers import MOST_USUAL, lasting, runs_of, told_apart
 from tests import fakes
 
 FACE = np.zeros((H, W), bool)
@@ -124,6 +124,15 @@ def test_places_that_always_differ_are_usual() -> None:
     compared = face(np.s_[20:26, 20:26])
     usual = usual_difference(np.stack([compared.apart] * 9))
     assert not unexplained(compared, usual).any()
+
+
+def test_a_thing_that_is_there_all_through_a_shot_is_not_usual() -> None:
+    thing, shade = face(OBJECT), face(OBJECT)
+    shade = replace(shade, apart=np.minimum(shade.apart, 0.4))
+    for compared, found in ((thing, True), (shade, False)):
+        usual = usual_difference(np.stack([compared.apart] * 9))
+        assert not unexplained(compared, usual).any()
+        assert unexplained(compared, np.minimum(usual, MOST_USUAL)).any() == found
 
 
 def test_a_head_that_does_not_lie_on_the_face() -> None:

@@ -85,7 +85,7 @@ class Page:
         self.call("Emulation.setDeviceMetricsOverride", **size)
 
     def run(self, code: str) -> Any:
-        """What a script in the page gives; promises are waited for."""
+        """The value of a script in the page; promises are waited for."""
         found = self.call(
             "Runtime.evaluate", expression=code, awaitPromise=True, returnByValue=True
         )
