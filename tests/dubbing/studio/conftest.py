@@ -5,12 +5,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from starlette.testclient import TestClient
 
 from tests import fakes
 from tests.dubbing.batches import dub
 from tests.dubbing.studio.browser import Browser, Page
 from tests.dubbing.studio.pages import opened
-from tests.dubbing.studio.stand_in import server, write_scene
+from tests.dubbing.studio.stand_in import TOKEN, client_of, server, write_scene
 
 
 @pytest.fixture(scope="session")
@@ -28,6 +29,18 @@ def manifest(made: Path, tmp_path: Path) -> Path:
     """A copy of it, for one test."""
     shutil.copytree(made, tmp_path / "scene")
     return tmp_path / "scene" / "m.yaml"
+
+
+@pytest.fixture
+def stranger(manifest: Path) -> Iterator[TestClient]:
+    with client_of(manifest) as client:
+        yield client
+
+
+@pytest.fixture
+def client(stranger: TestClient) -> TestClient:
+    assert stranger.get(f"/?token={TOKEN}").status_code == 303
+    return stranger
 
 
 @pytest.fixture

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import uvicorn
 from PIL import Image
+from starlette.testclient import TestClient
 
 from dubbing.cli.page_commands import listening
 from dubbing.manifest.manifest import load
@@ -28,6 +29,9 @@ from dubbing.studio.server import app_of
 from tests import clips, fakes
 
 FRAMES = 60
+HERE = "http://127.0.0.1:8711"
+DUB = "/api/dubs/it"
+FIRST = "ann_0000005-0000020"  # the first line
 TOKEN = "a-secret-of-tests"
 SRT = """1
 00:00:00,200 --> 00:00:00,800
@@ -121,3 +125,12 @@ def server(manifest: Path, port: int = 0) -> Iterator[str]:
 def image(data: bytes) -> np.ndarray:
     """A file as an image (H, W, 3)."""
     return np.asarray(Image.open(io.BytesIO(data)))
+
+
+def client_of(manifest: Path, **guard: Any) -> TestClient:
+    """A client of the server of a manifest, which others may guard differently."""
+    drafter = Drafter(manifest, target=serve)
+    own = {"token": TOKEN, "host": "127.0.0.1", "port": 8711, "password": False, **guard}
+    making = Making(manifest, "auto", "tests.fakes")
+    app = app_of(Project(load(manifest)), drafter, making, **own)
+    return TestClient(app, HERE, headers={"origin": HERE}, follow_redirects=False)
