@@ -7,7 +7,7 @@ crop in px. Lengths are for S = 512 and scale with it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -32,6 +32,26 @@ LIGHT = (1.0, 0.6, 0.4)  # on skin, and in the shade
 
 
 @dataclass(frozen=True)
+class Beard:
+    """That of a person in a shot.
+
+    Attributes:
+        share: how surely there is one, 0..1.
+        colours: (P, 3), usual ones inside the jaw line, less those of lit skin.
+    """
+
+    share: float
+    colours: np.ndarray
+
+    @classmethod
+    def of(cls, frames: Sequence[JawColours]) -> Beard:
+        """That which some frames of a shot show."""
+        usual = np.median([frame.distances() for frame in frames], axis=0)
+        share = float(np.interp(np.median(usual[chin(len(usual))]), DISTANCE, (0, 1)))
+        return cls(share, np.median([frame.jaw - frame.shades[0] for frame in frames], axis=0))
+
+
+@dataclass(frozen=True)
 class JawColours:
     """Colours of one frame.
 
@@ -42,6 +62,10 @@ class JawColours:
     jaw: np.ndarray
     shades: np.ndarray
     share: float = 0
+
+    def usual(self, beard: Beard) -> JawColours:
+        """With the jaw as it usually is: the line of a head that looks down lies on bare skin."""
+        return replace(self, jaw=self.shades[0] + beard.colours, share=beard.share)
 
     def distances(self) -> np.ndarray:
         """Between jaw and lit skin, (P,)."""
@@ -106,12 +130,6 @@ def weighed(rgb: np.ndarray) -> np.ndarray:
     """CIELAB (..., 3) of colours (A, B, 3) uint8 RGB, lightness times LIGHTNESS."""
     lab = cv2.cvtColor(rgb.astype(np.float32) / 255, cv2.COLOR_RGB2LAB)
     return np.asarray(lab * np.array([LIGHTNESS, 1, 1], np.float32))
-
-
-def beard_share(frames: Sequence[JawColours]) -> float:
-    """How surely the person of a shot has a beard, 0..1."""
-    usual = np.median([frame.distances() for frame in frames], axis=0)
-    return float(np.interp(np.median(usual[chin(len(usual))]), DISTANCE, (0, 1)))
 
 
 def chin(points: int) -> slice:

@@ -6,7 +6,6 @@ T frames, S the side of the crop in px.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -22,7 +21,7 @@ from dubbing.media import VideoWriter
 from dubbing.preparation.alignment.silhouette import measure
 from dubbing.preparation.crops.threads import in_order
 from dubbing.preparation.crops.tracked_crops import OPACITY, PERSON, TrackedCrops, create_images
-from dubbing.preparation.matting.beard import FRAMES, JawColours, beard_share, jaw_colours
+from dubbing.preparation.matting.beard import FRAMES, Beard, JawColours, jaw_colours
 from dubbing.preparation.matting.jaw import (
     POINTS,
     PROFILE,
@@ -48,6 +47,7 @@ MOST_UNSURE = 0.8  # of a jaw line of a turned head; that of a bearded one says 
 # px at 512: single hairs reach so far below the edge of a beard, and would be left behind, as would
 # some of the jaw of a profile.
 TIPS = 9.0
+NO_BEARD = Beard(0.0, np.zeros((POINTS, 3)))
 BATCH = 4  # images at once: more do not fit a core's cache
 
 
@@ -100,17 +100,17 @@ class People:
         return np.stack(measure(alpha, corners))
 
 
-def jaw_lines(clip: TrackedCrops, beards: np.ndarray, progress: ReportShare) -> np.ndarray:
+def jaw_lines(clip: TrackedCrops, beards: Sequence[Beard], progress: ReportShare) -> np.ndarray:
     """The outlines moved to the visible edge of the jaw, (T, POINTS, 2) px.
 
     Args:
         beards: see `beards_of_shots`.
     """
-    every = beards[clip.segment]
+    every = np.array([beard.share for beard in beards])[clip.segment]
     unsure = np.maximum(every, [MOST_UNSURE * turned_share(points) for points in clip.landmarks])
 
     def work(t: int) -> np.ndarray:
-        colours = replace(colours_of(clip, t), share=every[t]) if beards.any() else None
+        colours = colours_of(clip, t).usual(beards[clip.segment[t]]) if every.any() else None
         frame = clip.crops[t], clip.opacity[t], clip.outline[t]
         return edge_costs(*frame, unsure[t], colours)
 
@@ -126,31 +126,32 @@ def jaw_lines(clip: TrackedCrops, beards: np.ndarray, progress: ReportShare) -> 
     return np.stack([moved(*pair) for pair in zip(clip.outline, smooth, strict=True)])
 
 
-def above_line(clip: TrackedCrops, t: int, line: np.ndarray, beard: float) -> np.ndarray:
+def above_line(clip: TrackedCrops, t: int, line: np.ndarray, beard: Beard) -> np.ndarray:
     """Coverage (S, S) uint8 of what may be the head of frame t.
 
     Below its line there may be some of the jaw of a profile, and hairs: what looks like the beard.
 
     Args:
-        line: see `jaw_lines`. beard: 0..1, how surely there is one.
+        line: see `jaw_lines`. beard: that of the shot.
     """
     face, profile = above(line, clip.size), turned_share(clip.landmarks[t], PROFILE)
-    if not max(beard, profile):
+    if not max(beard.share, profile):
         return face
     tips = TIPS * clip.size / REFERENCE_SIZE
-    below = above(moved(line, np.full(POINTS, max(beard, profile) * tips)), clip.size)
-    if beard > profile:
-        below = below * np.maximum(profile, colours_of(clip, t).like_hairs(clip.crops[t]))
+    below = above(moved(line, np.full(POINTS, max(beard.share, profile) * tips)), clip.size)
+    if beard.share > profile:
+        like = colours_of(clip, t).usual(beard).like_hairs(clip.crops[t])
+        below = below * np.maximum(profile, like)
     return np.maximum(face, below).astype(np.uint8)
 
 
-def beards_of_shots(clip: TrackedCrops) -> np.ndarray:
-    """How surely the person has a beard, in each shot, 0..1."""
-    found = np.zeros(clip.segment[-1] + 1)
+def beards_of_shots(clip: TrackedCrops) -> list[Beard]:
+    """The person's beard in each shot."""
+    found = [NO_BEARD] * (int(clip.segment[-1]) + 1)
     for shot in np.unique(clip.segment[clip.valid]):
         frames = np.flatnonzero((clip.segment == shot) & clip.valid)
         some = frames[:: max(1, len(frames) // FRAMES)]
-        found[shot] = beard_share([colours_of(clip, t) for t in some])
+        found[shot] = Beard.of([colours_of(clip, t) for t in some])
     return found
 
 
@@ -169,7 +170,7 @@ def matte_step(clip: TrackedCrops, matte: Path, images: Path, progress: ReportSh
     def work(t: int) -> np.ndarray:
         if not clip.valid[t]:
             return np.zeros((size, size), np.uint8)
-        face = above_line(clip, t, lines[t], float(beards[clip.segment[t]]))
+        face = above_line(clip, t, lines[t], beards[clip.segment[t]])
         return head_matte(clip.opacity[t], face, clip.landmarks[t, NOSE_BRIDGE])
 
     with VideoWriter(matte, size, size, clip.info.rate, "ffv1-gray") as mattes:

@@ -7,7 +7,7 @@ import pytest
 
 from dubbing.face.face_contour import evenly
 from dubbing.face.mesh_points import SKIN
-from dubbing.preparation.matting.beard import JawColours, beard_share, jaw_colours
+from dubbing.preparation.matting.beard import Beard, JawColours, jaw_colours
 from dubbing.preparation.matting.jaw import (
     POINTS,
     edge_costs,
@@ -59,9 +59,9 @@ def colours(image: np.ndarray) -> JawColours:
 def offsets(image: np.ndarray) -> np.ndarray:
     """Offsets (POINTS,) px of the edge in one picture, as in a shot that shows nothing else."""
     found = colours(image)
-    beard = beard_share([found])
-    costs = edge_costs(image, PERSON, LINE, beard, replace(found, share=beard))[None]
-    return edge_offsets(expect_as_around(costs, np.array([beard])), SIZE)[0]
+    beard = Beard.of([found])
+    costs = edge_costs(image, PERSON, LINE, beard.share, found.usual(beard))[None]
+    return edge_offsets(expect_as_around(costs, np.array([beard.share])), SIZE)[0]
 
 
 @pytest.mark.parametrize("length", [20, 45, 65])
@@ -74,13 +74,13 @@ def test_the_edge_lies_where_the_beard_ends(length: int, shade: float) -> None:
 
 @pytest.mark.parametrize("shade", [1.0, 0.8, 0.55])
 def test_a_neck_in_the_shade_is_no_beard(shade: float) -> None:
-    assert beard_share([colours(picture(0, shade))]) == 0
+    assert Beard.of([colours(picture(0, shade))]).share == 0
 
 
 def test_a_beard_is_told_by_most_frames_of_a_shot() -> None:
     shaven, bearded = colours(picture(0)), colours(picture(40))
-    assert beard_share([shaven, bearded, bearded]) == 1
-    assert beard_share([shaven, shaven, bearded]) == 0
+    assert Beard.of([shaven, bearded, bearded]).share == 1
+    assert Beard.of([shaven, shaven, bearded]).share == 0
 
 
 @pytest.mark.parametrize("below", [SHIRT, (235, 230, 232), SKIN_COLOUR])
@@ -103,6 +103,21 @@ def test_beside_a_goatee_the_jaw_stays_where_it_is() -> None:
     assert found[POINTS // 2] > 30
 
 
+def test_where_the_line_lies_on_bare_skin_the_beard_is_that_of_the_shot() -> None:
+    """As FaceMesh's line does where a head looks down."""
+    usual = Beard.of([colours(picture(20, seed=seed)) for seed in range(3)])
+    image, bare = picture(50), picture(0)
+    row, column = np.mgrid[:SIZE, :SIZE].astype(float)
+    chin = row < jaw_row(column) + 10
+    image[chin] = bare[chin]
+    found = [
+        edge_offsets(edge_costs(image, PERSON, LINE, 1, each)[None], SIZE)[0, MIDDLE]
+        for each in (replace(colours(image), share=1), colours(image).usual(usual))
+    ]
+    assert (found[0] < 30).all()
+    assert np.abs(found[1] - 50).max() < 8
+
+
 @pytest.mark.parametrize("frames", [3, 5, 7])  # much fewer than those it looks at, if it could
 def test_a_frame_that_shows_no_edge_takes_the_length_of_the_others(frames: int) -> None:
     """As where a beard hangs over a shirt of its colour."""
@@ -111,8 +126,9 @@ def test_a_frame_that_shows_no_edge_takes_the_length_of_the_others(frames: int) 
     line = jaw_row(column)
     images[-1][row > line + 30] = BEARD
     found = [colours(image) for image in images]
-    assert beard_share(found) == 1
-    pairs = [(image, replace(each, share=1)) for image, each in zip(images, found, strict=True)]
+    beard = Beard.of(found)
+    assert beard.share == 1
+    pairs = [(image, each.usual(beard)) for image, each in zip(images, found, strict=True)]
     costs = np.stack([edge_costs(image, PERSON, LINE, 1, each) for image, each in pairs])
 
     def too_long(costs: np.ndarray) -> float:
