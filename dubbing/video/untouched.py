@@ -4,6 +4,7 @@ import hashlib
 from fractions import Fraction
 from pathlib import Path
 
+import cv2
 import numpy as np
 from typing_extensions import TypedDict
 
@@ -47,8 +48,7 @@ def compare(film: Path, result: Path, own: np.ndarray, rate: Fraction) -> Untouc
                 kept = np.ascontiguousarray(after[:rows, :columns])
                 for digest, plane in zip(digests, (before, kept), strict=True):
                     digest.update(np.ascontiguousarray(plane).data)
-                difference = before.astype(np.int32) - kept
-                squared += float(np.square(difference, dtype=np.float64).sum())
+                squared += cv2.norm(before, kept, cv2.NORM_L2SQR)
                 values += before.size
             worst = max(worst, squared / values)
     source_digest, result_digest = (digest.hexdigest() for digest in digests)
