@@ -56,11 +56,15 @@ def without_gain(
 def jacobian_of(
     view: View, texture: Texture, relief: tuple[np.ndarray, np.ndarray] | None
 ) -> np.ndarray:
-    """Derivatives (K, N, C) of the grey values by the pose's step, and by the relief's bumps."""
-    slope = texture.slope.astype(np.float32) @ view.turns
+    """Derivatives (K, N, C) of the grey values by the pose's step, and by the relief's bumps.
+
+    They are 0 of points that are not visible: one that is seen edge-on has none.
+    """
+    slope = np.where(view.visible[..., None], texture.slope.astype(np.float32) @ view.turns, 0)
+    facing = np.where(view.visible, dot(view.normals, view.in_camera), 1)
     # Motion along the ray changes nothing: the slope's part along the ray is replaced by one along
     # the normal.
-    along = dot(slope, view.in_camera) / dot(view.normals, view.in_camera)
+    along = dot(slope, view.in_camera) / facing
     slope -= along[..., None] * view.normals
     # A left turn by w moves R X by w x (R X).
     columns = [np.cross(view.points, slope), slope]

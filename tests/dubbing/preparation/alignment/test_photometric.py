@@ -178,6 +178,21 @@ def test_a_grey_value_changes_as_the_step_and_the_relief_move_its_point() -> Non
     np.testing.assert_allclose(jacobian, np.stack(numeric, 1), atol=1e-4)
 
 
+@pytest.mark.parametrize("slope", [0.0, 5.0])
+def test_a_point_that_is_seen_edge_on_says_nothing(slope: float) -> None:
+    points, normals = np.array([[0.0, 0.1, 0], [0.0, 0.2, 0]]), np.array([[1.0, 0, 0], [0, 0, -1]])
+    pose = Poses(np.eye(3)[None], np.array([[0.0, 0, 8]]))
+    nothing = FaceStrip(np.zeros((1, 8, 8), np.uint8), np.zeros((1, 2), int))
+    view = Alignment(Skin(points, normals), nothing, FOCAL, np.zeros((1, 2))).view(
+        pose, np.array([0])
+    )
+    texture = Texture(np.zeros(2), np.ones(2), np.array([[slope, slope, 0], [1, 1, 0]]))
+    jacobian = jacobian_of(view, texture, None)[0]
+    assert not jacobian[0].any()
+    assert np.isfinite(jacobian).all()
+    assert jacobian[1].any()
+
+
 def test_pictures_are_read_between_their_pixels() -> None:
     rng = np.random.default_rng(0)
     pictures = rng.integers(0, 255, (3, 9, 12), np.uint8)
