@@ -20,6 +20,7 @@ MODULES = {
     "openimageio": "OpenImageIO",
     "pillow": "PIL",
     "ruamel.yaml": "ruamel.yaml",
+    "scikit-image": "skimage",
 }
 # Files that an installer leaves in the environment of a tool.
 PIPX_RECORD, UV_RECORD = "pipx_metadata.json", "uv-receipt.toml"

@@ -81,8 +81,8 @@ class Field(nn.Module):
     def __init__(self, config: FieldConfig) -> None:
         super().__init__()
         self.config = config
-        point_dim = encoded_size(3, config.point_octaves)
-        direction_dim = encoded_size(3, config.direction_octaves)
+        point_dim = encoded_size(config.point_octaves)
+        direction_dim = encoded_size(config.direction_octaves)
         width = config.width
         # The parts draw their random weights in this order: another order gives another model.
         self.conditioning = Conditioning(config)

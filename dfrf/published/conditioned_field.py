@@ -128,7 +128,7 @@ class PaperField(nn.Module):
     def __init__(self, config: PaperConfig) -> None:
         super().__init__()
         self.config = config
-        point_dim = encoded_size(3, POINT_OCTAVES)
+        point_dim = encoded_size(POINT_OCTAVES)
         input_dim = point_dim
         if config.use_speech:
             input_dim += config.code_dim

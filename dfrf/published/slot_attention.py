@@ -56,7 +56,7 @@ class SlotAttention(nn.Module):
         self,
         *,
         token_dim: int = 128 + TOKEN_EXTRA,
-        point_dim: int = encoded_size(3, POINT_OCTAVES),
+        point_dim: int = encoded_size(POINT_OCTAVES),
         dim: int = 128,
         slots: int = 2,
         squeezed: int = 32,

@@ -34,7 +34,7 @@ class WarpMLP(nn.Module):
 
     def __init__(
         self,
-        point_dim: int = encoded_size(3, POINT_OCTAVES),
+        point_dim: int = encoded_size(POINT_OCTAVES),
         code_dim: int = 64,
         feature_dim: int = 128,
         max_offset: float = MAX_OFFSET,

@@ -12,7 +12,8 @@ from dfrf import presets, saved_models
 from dfrf.config import PUBLISHED_SPEECH, ModelConfig
 from dfrf.field.speaker_adaptation import NUMBERS
 from dfrf.published import paper_method
-from dfrf.published.paper_model import PaperConfig, PaperModel
+from dfrf.published.conditioned_field import PaperConfig
+from dfrf.published.paper_model import PaperModel
 from dubbing.batch import jobs
 from dubbing.errors import CheckpointError, ManifestError
 from dubbing.heads import rendering as heads
