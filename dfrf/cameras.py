@@ -14,12 +14,14 @@ import torch.nn.functional as F
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from dfrf.device import Movable
+
 # Depths closer to the camera plane than this are moved away from it: nothing divides by zero.
 MIN_DEPTH = 1e-6
 
 
 @dataclass(frozen=True)
-class Rays:
+class Rays(Movable):
     """R rays in the head frame.
 
     Attributes:

@@ -3,10 +3,28 @@
 from __future__ import annotations
 
 from contextlib import AbstractContextManager
+from dataclasses import fields, replace
+from typing import Any, Self, cast
 
 import torch
+from torch import Tensor
 
 PADDED_MULTIPLE = 512  # points
+
+
+class Movable:
+    """Base of dataclasses that hold tensors."""
+
+    def to(self, device: torch.device) -> Self:
+        """The same on a device: its tensors, and those of its parts that can be moved."""
+        own: Any = self
+        values = {field.name: getattr(own, field.name) for field in fields(own)}
+        moved = {
+            name: value.to(device)
+            for name, value in values.items()
+            if isinstance(value, Tensor | Movable)
+        }
+        return cast(Self, replace(own, **moved))
 
 
 def choose(name: str = "auto") -> torch.device:

@@ -88,24 +88,22 @@ def dub_job(
         name: of its folder; its own by default.
     """
     job = empty_job(dub, people, dub_folder(work, name or dub.name))
+    if not dub.cues:
+        return job
+    on_film = {who.name: on_film_of(dub, who, people[who.name]) for who in dub.people}
     heads: dict[str, Stage] = {}
     for cue in dub.cues:
-        person, own = dub.person(cue), people[cue.identity]
-        film, model = person.clip_at(dub.film.path), own.stage(Finetune)
-        speech = job.add(Listen.of(cue, person, dub.film.rate), cue.recorded)
-        poses = own.stage(RefinePoses, film.name)
-        learned = tuple(prepared(own, clip) for clip in person.learned)
-        render = Render.of(dub, cue, prepared(own, film), model, poses, speech, learned, device)
+        of = on_film[cue.identity]
+        speech = job.add(Listen.of(cue, dub.person(cue), dub.film.rate), cue.recorded)
+        render = Render.of(dub, cue, of.prepared, of.model, of.poses, speech, of.learned, device)
         heads[cue.name] = job.add(render, cue.taken)
-    if heads:
-        on_film = {who.name: on_film_of(dub, who, people[who.name]) for who in dub.people}
-        video = job.add(Composite.of(dub, heads, on_film))
-        first = dub.people[0]
-        source = people[first.name].stage(CheckSource, first.clip_at(dub.film.path).name)
-        job.add(Check.of(dub, video, source))
-        if dub.signer:
-            models = {name: person.model for name, person in on_film.items()}
-            job.add(Sign.of(dub, dub.signer, video, models))
+    video = job.add(Composite.of(dub, heads, on_film))
+    first = dub.people[0]
+    source = people[first.name].stage(CheckSource, first.clip_at(dub.film.path).name)
+    job.add(Check.of(dub, video, source))
+    if dub.signer:
+        models = {name: person.model for name, person in on_film.items()}
+        job.add(Sign.of(dub, dub.signer, video, models))
     return job
 
 

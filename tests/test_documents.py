@@ -224,7 +224,7 @@ def test_what_a_document_names_is_found() -> None:
     """So that a change of the documents' style does not empty the tests above."""
     method = text_of(Path("docs/development/method.md"))
     assert len(list(named_paths(method))) > 30
-    assert ("warped", "dfrf/field/warp.py") in set(named_places(method))
+    assert ("share_loss", "dfrf/fast/fast_loss.py") in set(named_places(method))
     assert not defined("warpe", ROOT / "dfrf/field/warp.py")
     assert list(named_modules("`field/warp.py` and `no.txt`")) == ["field/warp.py"]
     assert {Path("README.md"), Path("CONTRIBUTING.md"), Path("CHANGELOG.md")} < set(DOCUMENTS)

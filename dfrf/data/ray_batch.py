@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 import torch
@@ -13,12 +14,13 @@ from torch import Tensor
 from dfrf.cameras import Rays, pixel_rays
 from dfrf.config import TrainConfig
 from dfrf.data.dataset import EYES, HEAD, MOUTH, OUTSIDE, RIM, HeadDataset
+from dfrf.device import Movable
 
 SIMILAR_SHARE = 0.25  # share of a person's frames that count as similar in pose to one of them
 
 
 @dataclass(frozen=True)
-class RayBatch:
+class RayBatch(Movable):
     """Rays of a few frames of one person.
 
     Attributes:
@@ -41,12 +43,9 @@ class RayBatch:
         """The rays alone."""
         return Rays(self.origins, self.directions, self.frame)
 
-    def to(self, device: torch.device) -> RayBatch:
+    def to(self, device: torch.device) -> Self:
         """The same rays on a device; `frames` stays where the dataset is."""
-        moved = {
-            f.name: getattr(self, f.name).to(device) for f in fields(self) if f.name != "frames"
-        }
-        return RayBatch(**moved, frames=self.frames)
+        return replace(super().to(device), frames=self.frames)
 
 
 def similar_frames(
@@ -125,7 +124,7 @@ def draw_rays(
 
 
 @dataclass(frozen=True)
-class SurfaceRays:
+class SurfaceRays(Movable):
     """Rays through points of the mean face.
 
     Attributes:
@@ -135,11 +134,6 @@ class SurfaceRays:
 
     rays: Rays
     distance: Float[Tensor, " B"]
-
-    def to(self, device: torch.device) -> SurfaceRays:
-        """The same on a device."""
-        rays = (self.rays.origins, self.rays.directions, self.rays.frame)
-        return SurfaceRays(Rays(*(r.to(device) for r in rays)), self.distance.to(device))
 
 
 def surface_rays(

@@ -12,9 +12,9 @@ DIRECTION_OCTAVES = 4
 REFERENCE_OCTAVES = 5
 
 
-def encoded_size(size: int, octaves: int) -> int:
-    """Width of `frequency_encoding` of vectors of `size`: 3 -> 63 at 10 octaves, 27 at 4."""
-    return size * (1 + 2 * octaves)
+def encoded_size(octaves: int) -> int:
+    """Width of `frequency_encoding` of three numbers: 63 at 10 octaves, 27 at 4."""
+    return 3 * (1 + 2 * octaves)
 
 
 def frequency_encoding(x: Float[Tensor, "... C"], octaves: int) -> Float[Tensor, "... D"]:

@@ -21,7 +21,7 @@ from dfrf.field.encodings import encoded_size, frequency_encoding
 from dfrf.field.query import FieldQuery, per_point
 from dfrf.field.reference_encoder import COLOUR, MATTE, ReferenceEncoder, shows_head
 from dfrf.field.reference_maps import ChosenMouths, ReferenceMaps
-from dfrf.field.warp import Warp, warped
+from dfrf.field.warp import Warp
 
 # The density's prior: an ellipsoid, head units.
 PRIOR_CENTRE = (0.0, 0.1, -0.05)
@@ -81,8 +81,8 @@ class Field(nn.Module):
     def __init__(self, config: FieldConfig) -> None:
         super().__init__()
         self.config = config
-        point_dim = encoded_size(3, config.point_octaves)
-        direction_dim = encoded_size(3, config.direction_octaves)
+        point_dim = encoded_size(config.point_octaves)
+        direction_dim = encoded_size(config.direction_octaves)
         width = config.width
         # The parts draw their random weights in this order: another order gives another model.
         self.conditioning = Conditioning(config)
@@ -110,7 +110,8 @@ class Field(nn.Module):
         if warp and self.config.use_warp:
             at_pixel = maps.read_nearest(projected)
             offset = self.warp(query.encoded, conditioning, query.belongs, at_pixel)
-        return warped(projected, offset, maps.views.scale), offset
+        # Equation (4): (u', v') = (u + du, v + dv), from pixels at 512 to those of the views.
+        return projected + offset * maps.views.scale, offset
 
     def aggregate(
         self,

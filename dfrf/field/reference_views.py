@@ -6,7 +6,7 @@ Positions of lips are relative to those of the mean face, right and down in the 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import torch
 import torch.nn.functional as F
@@ -14,10 +14,11 @@ from jaxtyping import Float, Int, UInt8
 from torch import Tensor
 
 from dfrf.cameras import project
+from dfrf.device import Movable
 
 
 @dataclass(frozen=True)
-class ReferenceViews:
+class ReferenceViews(Movable):
     """Reference frames, cut to the head, before the CNN.
 
     Attributes:
@@ -37,17 +38,6 @@ class ReferenceViews:
     scale: float
     mouths: MouthViews | None = None
 
-    def to(self, device: torch.device) -> ReferenceViews:
-        """The same views on a device."""
-        return replace(
-            self,
-            images=self.images.to(device),
-            mattes=self.mattes.to(device),
-            c2w=self.c2w.to(device),
-            centres=self.centres.to(device),
-            mouths=None if self.mouths is None else self.mouths.to(device),
-        )
-
     def project(self, points: Float[Tensor, "M 3"]) -> Float[Tensor, "N M 2"]:
         """Equation (1): positions of points in the views, pixels."""
         return project(points, self.c2w, self.focal, self.centres)
@@ -64,7 +54,7 @@ class ReferenceViews:
 
 
 @dataclass(frozen=True)
-class MouthViews:
+class MouthViews(Movable):
     """Crops round a person's mouth.
 
     Attributes:
@@ -83,13 +73,3 @@ class MouthViews:
     reading: Float[Tensor, "I Q2"]
     frames: Int[Tensor, " P"]
     measured: Float[Tensor, "T Q 2"]
-
-    def to(self, device: torch.device) -> MouthViews:
-        """The same on a device."""
-        return MouthViews(
-            self.views.to(device),
-            *(
-                t.to(device)
-                for t in (self.lips, self.shape, self.reading, self.frames, self.measured)
-            ),
-        )

@@ -51,16 +51,3 @@ class Warp(nn.Module):
         h = F.relu(self.feature(feature).add_(shared), inplace=True)
         raw = self.out(F.relu(self.hidden(h), inplace=True)).float()
         return self.max_offset * torch.tanh(raw * (SLOPE / self.max_offset))
-
-
-def warped(
-    positions: Float[Tensor, "N M 2"], offset: Float[Tensor, "N M 2"], scale: float
-) -> Float[Tensor, "N M 2"]:
-    """Equation (4): (u', v') = (u + du, v + dv).
-
-    Args:
-        positions: projections of the points into the references, pixels of the reference.
-        offset: pixels at 512.
-        scale: pixels of the reference for one pixel at 512.
-    """
-    return positions + offset * scale

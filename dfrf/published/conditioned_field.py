@@ -16,7 +16,7 @@ from dfrf.field.encodings import DIRECTION_OCTAVES, POINT_OCTAVES, encoded_size,
 from dfrf.published.radiance_field import RadianceMLP
 from dfrf.published.references import ReferenceCNN, bilinear, clamp_to_image, nearest
 from dfrf.published.slot_attention import TOKEN_EXTRA, SlotAttention
-from dfrf.published.warp import MAX_OFFSET, WarpMLP, warped
+from dfrf.published.warp import MAX_OFFSET, WarpMLP
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ class PaperField(nn.Module):
     def __init__(self, config: PaperConfig) -> None:
         super().__init__()
         self.config = config
-        point_dim = encoded_size(3, POINT_OCTAVES)
+        point_dim = encoded_size(POINT_OCTAVES)
         input_dim = point_dim
         if config.use_speech:
             input_dim += config.code_dim
@@ -172,7 +172,8 @@ class PaperField(nn.Module):
         offset = torch.zeros_like(pixel)
         if warp and self.config.use_warp:
             offset = self.warp(encoded, code.detach(), nearest(maps.detach(), pixel))
-        place = clamp_to_image(warped(pixel, offset), height, width)
+        # Equation (4); the paper adds the offset to the projected position, unrounded.
+        place = clamp_to_image(pixel + offset, height, width)
         where = place.detach().trunc().flip(-1)
         return torch.cat([bilinear(maps, place), where], -1), offset
 

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
+import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor
 
 from dfrf.training.warp_penalty import PAPER_SIZE, weighted_warp_penalty
-
-
-def mse(colour: Float[Tensor, "*B 3"], target: Float[Tensor, "*B 3"]) -> Float[Tensor, ""]:
-    """Mean squared difference of colours in 0..1."""
-    return (colour - target).square().mean()
 
 
 def paper_loss(
@@ -24,7 +20,8 @@ def paper_loss(
         size: side of the references in pixels, which offsets are brought to 512 from.
         warp_weight: lambda.
     """
-    loss = mse(rendered["colour"], target) + mse(rendered["coarse_colour"], target)
+    loss = F.mse_loss(rendered["colour"], target)
+    loss = loss + F.mse_loss(rendered["coarse_colour"], target)
     if rendered["offset"].numel():
         offset = rendered["offset"] * (PAPER_SIZE / size)
         loss = loss + warp_weight * weighted_warp_penalty(offset, rendered["alpha"])

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import torch
+import torch.nn.functional as F
 from torch import Tensor
 
 from dfrf.cameras import Camera, pixel_grid, pixel_rays
@@ -21,7 +22,7 @@ from dfrf.data.ray_batch import RayBatch, draw_rays
 from dfrf.field.reference_views import ReferenceViews
 from dfrf.method_interface import FrameInputs, Method, StepOutcome
 from dfrf.published.conditioned_field import EncodedReferences, References
-from dfrf.published.paper_loss import mse, paper_loss
+from dfrf.published.paper_loss import paper_loss
 from dfrf.published.paper_model import PaperModel
 from dfrf.training.warp_penalty import PAPER_SIZE
 from dfrf.workers import Workers
@@ -198,7 +199,7 @@ class PaperMethod(Method[PaperShare, EncodedReferences]):
         points = batch.origins[:, None] + along * share.directions[:, None]
         return StepOutcome(
             loss.detach(),
-            mse(rendered["colour"].detach(), batch.colour),
+            F.mse_loss(rendered["colour"].detach(), batch.colour),
             list(gradients),
             points.view(-1, 3),
             rendered["weights"].detach().view(-1),

@@ -31,8 +31,6 @@ from dfrf.published.conditioned_field import (
     References,
 )
 
-__all__ = ["EncodedReferences", "PaperConfig", "PaperField", "PaperModel", "References"]
-
 TRAINING_SAMPLES = 2  # times as many as rendered: published training takes 64 + 128
 
 

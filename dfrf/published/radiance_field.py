@@ -33,8 +33,8 @@ class RadianceMLP(nn.Module):
     def __init__(
         self,
         *,
-        input_dim: int = 256 + encoded_size(3, POINT_OCTAVES) + 64,
-        direction_dim: int = encoded_size(3, DIRECTION_OCTAVES),
+        input_dim: int = 256 + encoded_size(POINT_OCTAVES) + 64,
+        direction_dim: int = encoded_size(DIRECTION_OCTAVES),
         width: int = 256,
         depth: int = 8,
         skip: int = 5,

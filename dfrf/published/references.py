@@ -85,7 +85,7 @@ class ReferenceCNN(nn.Module):
     ) -> None:
         super().__init__()
         self.octaves = octaves
-        self.conv1 = nn.Conv2d(2 * encoded_size(3, octaves), width, kernel_size=3, padding=1)
+        self.conv1 = nn.Conv2d(2 * encoded_size(octaves), width, kernel_size=3, padding=1)
         self.conv2 = nn.Conv2d(width, width, kernel_size=3, padding=1)
         self.out = nn.Linear(width, feature_dim)
 

@@ -28,6 +28,7 @@ from dfrf.field.encodings import POINT_OCTAVES, encoded_size
 # A reference gives its features and the pixel they were read at.
 TOKEN_EXTRA = 2
 EPSILON = 1e-8
+ROUNDS = 2  # of attention
 SEED = 0  # of the noise of rendering
 
 
@@ -48,7 +49,6 @@ class SlotAttention(nn.Module):
         point_dim: width of the encoded point.
         dim: D.
         slots: K.
-        iterations: rounds of attention.
         squeezed: width of the summary that is appended to a token.
     """
 
@@ -56,15 +56,13 @@ class SlotAttention(nn.Module):
         self,
         *,
         token_dim: int = 128 + TOKEN_EXTRA,
-        point_dim: int = encoded_size(3, POINT_OCTAVES),
+        point_dim: int = encoded_size(POINT_OCTAVES),
         dim: int = 128,
         slots: int = 2,
-        iterations: int = 2,
         squeezed: int = 32,
     ) -> None:
         super().__init__()
         self.slots = slots
-        self.iterations = iterations
         self.out_dim = slots * dim
         self.mean = nn.Parameter(torch.randn(dim))
         self.log_deviation = nn.Parameter(torch.zeros(dim))
@@ -122,7 +120,7 @@ class SlotAttention(nn.Module):
         else:
             keys = self.key(inputs)
             slots = self.mean + self.log_deviation.exp() * noise
-        for _ in range(self.iterations):
+        for _ in range(ROUNDS):
             if noise is not None:
                 weights = slot_weights(self.query(self.norm_slots(slots)), keys)
                 update = torch.einsum("nmk,nmd->mkd", weights, values)

@@ -17,6 +17,7 @@ from dfrf.field.encodings import POINT_OCTAVES, encoded_size
 # Largest offset of the published model, in pixels; there is no gradient beyond it.
 MAX_OFFSET = 10.0
 INITIAL_DEVIATION = 1e-3
+WIDTHS = (128, 32)  # of the hidden layers
 
 
 class WarpMLP(nn.Module):
@@ -28,23 +29,21 @@ class WarpMLP(nn.Module):
         point_dim: width of the encoded point.
         code_dim: width of the speech code A; 0 without speech.
         feature_dim: width of the reference features.
-        widths: hidden layers.
         max_offset: where offsets are cut off, pixels.
     """
 
     def __init__(
         self,
-        point_dim: int = encoded_size(3, POINT_OCTAVES),
+        point_dim: int = encoded_size(POINT_OCTAVES),
         code_dim: int = 64,
         feature_dim: int = 128,
-        widths: tuple[int, int] = (128, 32),
         max_offset: float = MAX_OFFSET,
     ) -> None:
         super().__init__()
         self.max_offset = max_offset
-        sizes = (point_dim + code_dim + feature_dim, *widths)
+        sizes = (point_dim + code_dim + feature_dim, *WIDTHS)
         self.layers = nn.ModuleList(nn.Linear(a, b) for a, b in pairwise(sizes))
-        self.out = nn.Linear(widths[-1], 2)
+        self.out = nn.Linear(WIDTHS[-1], 2)
         for layer in (*self.layers, self.out):
             nn.init.normal_(layer.weight, std=INITIAL_DEVIATION)
             nn.init.zeros_(layer.bias)
@@ -62,13 +61,3 @@ class WarpMLP(nn.Module):
             x = F.relu(layer(x))
         # The published network counts (row, column).
         return self.out(x).flip(-1).clamp(-self.max_offset, self.max_offset)
-
-
-def warped(
-    pixels: Float[Tensor, "N *P 2"], offsets: Float[Tensor, "N *P 2"]
-) -> Float[Tensor, "N *P 2"]:
-    """Equation (4), from positions and offsets (column, row).
-
-    The paper adds the offset to the projected position, the published code to the rounded one.
-    """
-    return pixels + offsets

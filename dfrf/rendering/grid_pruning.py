@@ -43,7 +43,7 @@ def prune_grid(
     """
     device = grid.low.device
     open_cells = torch.nonzero(grid.occupied.view(-1)).view(-1)
-    centres = grid.centres()[open_cells]
+    centres = grid.open_centres()
     size = (grid.high - grid.low) / grid.resolution
     empty = torch.ones(len(open_cells), dtype=torch.bool, device=device)
     for frame in torch.randperm(len(c2w), generator=generator)[:FRAMES].tolist():

@@ -20,6 +20,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from dfrf.cameras import Rays, pixel_rays, project
+from dfrf.device import Movable
 from dfrf.rendering.frame_head import FrameHead
 
 APART = 0.5  # px between the rays whose difference is the slope of the image
@@ -29,7 +30,7 @@ OUTLIER = 0.2  # colour distance at which a residual counts for a quarter
 
 
 @dataclass(frozen=True)
-class PoseObservation:
+class PoseObservation(Movable):
     """Pixels of one frame that its pose is fitted to.
 
     Attributes:
@@ -44,16 +45,6 @@ class PoseObservation:
     background: Float[Tensor, "B 3"]
     focal: float
     centre: Float[Tensor, 2]
-
-    def to(self, device: torch.device) -> PoseObservation:
-        """The same on a device."""
-        return PoseObservation(
-            self.pixels.to(device),
-            self.colour.to(device),
-            self.background.to(device),
-            self.focal,
-            self.centre.to(device),
-        )
 
 
 def moved(

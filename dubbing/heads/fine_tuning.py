@@ -30,14 +30,13 @@ from dubbing.identity.best_seconds import choose_frames, parts_of
 from dubbing.identity.clip_frames import ClipFrames, with_turned
 from dubbing.identity.dataset import load_identity
 from dubbing.identity.finetune_settings import FinetuneSettings
-from dubbing.identity.learned import CURVE_FILE, SUMMARY_FILE
+from dubbing.identity.learned import CURVE_FILE, MODEL_FILE, SUMMARY_FILE
 from dubbing.identity.reference_choice import choose_references, turns_far
 from dubbing.media.reading.voice_channel import is_silent
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames, at_moments, lips_of_file
 from dubbing.speech import features
 
-MODEL_FILE = "model.safetensors"
 RESUME_FOLDER = "resume"
 PICTURES_FOLDER = "pictures"  # in it: what is learned from, so that a long clip needs no memory
 POSING = 0.25  # of the steps: then the model knows the head well enough to refine its poses

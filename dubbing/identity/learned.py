@@ -1,4 +1,4 @@
-"""The seconds of clips that a person was learned from, as the fine-tune recorded them."""
+"""Files that a fine-tune leaves; the seconds of clips that a person was learned from."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing_extensions import TypedDict
 from dubbing.engine.disk import json_records as kept
 from dubbing.errors import ExplainedError
 
+MODEL_FILE = "model.safetensors"
 # Beside a model: how it was fine-tuned, and its loss curve.
 SUMMARY_FILE, CURVE_FILE = "finetune.json", "loss.csv"
 

@@ -6,7 +6,6 @@ Samples are 48 kHz mono float32.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from pathlib import Path
 
 import numpy as np
 
@@ -111,5 +110,4 @@ def _padded(samples: np.ndarray, room: int) -> np.ndarray:
 
 
 def _read(cue: Cue, room: int) -> np.ndarray:
-    path: Path = cue.audio
-    return media.read_audio(path, rate=RATE, start=cue.audio_start, seconds=room / RATE)[:room]
+    return media.read_audio(cue.audio, rate=RATE, start=cue.audio_start, seconds=room / RATE)[:room]

@@ -1,10 +1,10 @@
 """Speech features, 50 a second: the input of the model.
 
 Letters: N samples at 16 kHz, T steps of 20 ms, D feature values, F video frames.
-A new kind of feature is a class with the members of `SpeechFeatures`, and an entry of `FEATURES`.
+A new kind is a class with the members of `SpeechFeatures`, and a case of `features_by_name`.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Protocol
 
@@ -36,41 +36,7 @@ class SpeechFeatures(Protocol):
         """The same of a long sound that `blocks()` gives in blocks of any length."""
 
 
-def _mel(weights: Path | None) -> SpeechFeatures:
-    return MelFeatures()
-
-
-def _rnn(weights: Path | None) -> SpeechFeatures:
-    # torch is loaded only where it is needed.
-    from dubbing.speech.rnn_features import RnnFeatures
-
-    return RnnFeatures() if weights is None else RnnFeatures(weights)
-
-
-def _transformer(name: str) -> Callable[[Path | None], SpeechFeatures]:
-    def make(weights: Path | None) -> SpeechFeatures:
-        from dubbing.speech.transformer_features import TransformerFeatures
-
-        return TransformerFeatures(name, _named(name, weights))
-
-    return make
-
-
-def _deepspeech(weights: Path | None) -> SpeechFeatures:
-    from dubbing.speech.deepspeech_features import DeepSpeechFeatures
-
-    return DeepSpeechFeatures(_named(DEEPSPEECH, weights))
-
-
-# Each takes the user's own weights: None, a file, or a folder.
-FEATURES: dict[str, Callable[[Path | None], SpeechFeatures]] = {
-    "mel": _mel,
-    "rnn": _rnn,
-    "hubert": _transformer("hubert"),
-    "wav2vec2": _transformer("wav2vec2"),
-    DEEPSPEECH: _deepspeech,
-}
-WITHOUT_WEIGHTS = ("mel",)
+TRANSFORMERS, WITHOUT_WEIGHTS = ("hubert", "wav2vec2"), ("mel",)
 
 
 def features_by_name(name: str, weights: Path | None = None) -> SpeechFeatures:
@@ -79,10 +45,23 @@ def features_by_name(name: str, weights: Path | None = None) -> SpeechFeatures:
     Raises:
         ExplainedError: there is none of that name, or its weights cannot be used.
     """
-    if name not in FEATURES:
-        known = ", ".join(sorted(FEATURES))
-        raise ExplainedError(f"unknown speech features {name!r}", remedy=f"choose one of: {known}")
-    return FEATURES[name](weights)
+    # torch is loaded only where it is needed.
+    if name == "mel":
+        return MelFeatures()
+    if name == "rnn":
+        from dubbing.speech.rnn_features import RnnFeatures
+
+        return RnnFeatures(weights or DEFAULT_WEIGHTS)
+    if name in TRANSFORMERS:
+        from dubbing.speech.transformer_features import TransformerFeatures
+
+        return TransformerFeatures(name, _named(name, weights))
+    if name == DEEPSPEECH:
+        from dubbing.speech.deepspeech_features import DeepSpeechFeatures
+
+        return DeepSpeechFeatures(_named(name, weights))
+    known = ", ".join(sorted(("rnn", DEEPSPEECH, *TRANSFORMERS, *WITHOUT_WEIGHTS)))
+    raise ExplainedError(f"unknown speech features {name!r}", remedy=f"choose one of: {known}")
 
 
 def weights_file(name: str, weights: Path | None = None) -> Path | None:

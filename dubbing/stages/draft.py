@@ -108,8 +108,8 @@ class HalfSize:
     @cached_property
     def models(self) -> Mapping[str, tuple[HeadModel, Maps | None]]:
         """The model of each person, with its maps."""
-        from dubbing.heads.fine_tuning import MODEL_FILE
         from dubbing.heads.rendering import load
+        from dubbing.identity.learned import MODEL_FILE
 
         return {
             name: load(person.model.folder / MODEL_FILE, self.device)[:2]

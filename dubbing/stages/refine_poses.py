@@ -49,7 +49,7 @@ class RefinePoses(DubbingStage):
 
     def run(self, out: Path, progress: Progress) -> None:
         from dubbing.heads.film_findings import find
-        from dubbing.heads.fine_tuning import MODEL_FILE
+        from dubbing.identity.learned import MODEL_FILE
 
         find(self.model.folder / MODEL_FILE, self.prepared.load(), out, self.device, progress)
 

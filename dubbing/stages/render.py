@@ -93,8 +93,8 @@ class Render(DubbingStage):
 
     def run(self, out: Path, progress: Progress) -> None:
         from dubbing.engine.disk.files import digest_data
-        from dubbing.heads.fine_tuning import MODEL_FILE
         from dubbing.heads.rendering import render
+        from dubbing.identity.learned import MODEL_FILE
         from dubbing.identity.lip_scale import LipScale, given_lips
         from dubbing.preparation.head_findings import seen_by_head
         from dubbing.sound_to_lips.cue_speech import Speech

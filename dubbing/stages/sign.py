@@ -56,7 +56,7 @@ class Sign(DubbingStage):
         )
 
     def run(self, out: Path, progress: Progress) -> None:
-        from dubbing.heads.fine_tuning import MODEL_FILE
+        from dubbing.identity.learned import MODEL_FILE
         from dubbing.provenance.credentials import sign
 
         progress("signing", 0.0)

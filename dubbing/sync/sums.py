@@ -66,7 +66,7 @@ class Sums:
         self._network = network
         self.rate = float(info.rate)
         self.apart = parts is not None
-        edges = segment_edges(info.frames, self.rate).tolist()
+        edges = segment_edges(info.frames, self.rate)
         self.parts = parts if parts is not None else [*pairwise(edges)]
         self.part_of = np.full(info.frames, -1)  # of the frames that count
         for k, (first, stop) in enumerate(self.parts):
@@ -131,7 +131,7 @@ class Sums:
         return np.where(self.part_of >= 0, table.argmax(0)[self.part_of], -1)
 
 
-def segment_edges(frames: int, rate: float) -> np.ndarray:
+def segment_edges(frames: int, rate: float) -> list[int]:
     """First frames of the 5 s segments, and the number of frames at the end."""
     edges = [
         round(k * SEGMENT_SECONDS * rate) for k in range(int(frames / rate / SEGMENT_SECONDS) + 1)
@@ -139,4 +139,4 @@ def segment_edges(frames: int, rate: float) -> np.ndarray:
     edges = [e for e in edges if e < frames] + [frames]
     if len(edges) > 2 and edges[-1] - edges[-2] < SHORTEST_SEGMENT * rate:
         del edges[-2]
-    return np.array(edges)
+    return edges

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from dubbing import media
-from dubbing.heads.fine_tuning import MODEL_FILE
+from dubbing.identity.learned import MODEL_FILE
 from dubbing.workshop.synthetic.speaker import make_speaker
 from tests.dubbing.batch.test_interruptions import tree
 

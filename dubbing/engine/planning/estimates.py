@@ -16,7 +16,7 @@ from ..graph.graph import Jobs, Node, nodes
 from ..graph.stage import Rate, Record, Stage
 from ..graph.stage_id import StageId
 from .planner import Row, to_do
-from .schedule import critical_path, simulate
+from .schedule import longest_chain, simulate
 
 
 @dataclass(frozen=True)
@@ -96,5 +96,5 @@ def estimate(jobs: Jobs, rows: list[Row], known: Mapping[str, Rate]) -> Estimate
             rate, many = _rate(stage, rates), stage.amount()
             seconds[name], disk = rate.seconds * many, disk + rate.bytes * many
             memory = max(memory, stage.memory())
-    longest = sum(seconds.get(name, 0.0) for name in critical_path(graph, seconds))
-    return Estimate(sum(seconds.values()), simulate(graph, seconds, 2), longest, disk, memory)
+    two, longest = simulate(graph, seconds, 2), longest_chain(graph, seconds)
+    return Estimate(sum(seconds.values()), two, longest, disk, memory)

@@ -2,6 +2,7 @@
 
 import heapq
 from collections.abc import Mapping
+from graphlib import TopologicalSorter
 
 from ..graph.graph import Node
 from ..graph.stage_id import StageId
@@ -15,40 +16,26 @@ def simulate(
     Args:
         seconds: of each stage; none of those that take no time.
     """
-    unmet = {key: len(set(node.needs)) for key, node in graph.items()}
-    readers: dict[StageId, list[StageId]] = {key: [] for key in graph}
-    for key, node in graph.items():
-        for source in set(node.needs):
-            readers[source].append(key)
-    ready = [(graph[key].rank, key) for key, count in unmet.items() if not count]
-    heapq.heapify(ready)
+    order = TopologicalSorter({key: node.needs for key, node in graph.items()})
+    order.prepare()
+    ready: list[tuple[int, StageId]] = []
     running: list[tuple[float, StageId]] = []
     now = 0.0
-    while ready or running:
+    while order.is_active():
+        for key in order.get_ready():
+            heapq.heappush(ready, (graph[key].rank, key))
         while ready and len(running) < workers:
             _, key = heapq.heappop(ready)
             heapq.heappush(running, (now + seconds.get(key, 0.0), key))
         now, key = heapq.heappop(running)
-        for reader in readers[key]:
-            unmet[reader] -= 1
-            if not unmet[reader]:
-                heapq.heappush(ready, (graph[reader].rank, reader))
+        order.done(key)
     return now
 
 
-def critical_path(
-    graph: Mapping[StageId, Node], seconds: Mapping[StageId, float]
-) -> tuple[StageId, ...]:
-    """The longest chain, the first first. The graph has a stage after those that it needs."""
+def longest_chain(graph: Mapping[StageId, Node], seconds: Mapping[StageId, float]) -> float:
+    """Seconds of the longest chain. The graph has a stage after those that it needs."""
     ends: dict[StageId, float] = {}
-    before: dict[StageId, StageId | None] = {}
     for key, node in graph.items():
-        last = max(node.needs, key=ends.__getitem__, default=None)
-        ends[key] = seconds.get(key, 0.0) + (0.0 if last is None else ends[last])
-        before[key] = last
-    at = max(ends, key=ends.__getitem__, default=None)
-    chain = []
-    while at is not None:
-        chain.append(at)
-        at = before[at]
-    return tuple(reversed(chain))
+        begins = max((ends[source] for source in node.needs), default=0.0)
+        ends[key] = begins + seconds.get(key, 0.0)
+    return max(ends.values(), default=0.0)

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 from ..disk import claims
@@ -66,12 +67,10 @@ class _Runner:
         self.reporter, self.executor = reporter, executor
         # Parts are done side by side; a stage that is done afresh is done in one go.
         self.graph = nodes(jobs, lambda s: not executor.here and s.kind not in options.force)
-        self.unmet = {key: {*node.needs} for key, node in self.graph.items()}
-        self.readers: dict[StageId, list[StageId]] = {key: [] for key in self.graph}
-        for key, node in self.graph.items():
-            for source in node.needs:
-                self.readers[source].append(key)
-        self.ready = sorted((node.rank, key) for key, node in self.graph.items() if not node.needs)
+        self.order = TopologicalSorter({key: node.needs for key, node in self.graph.items()})
+        self.order.prepare()
+        self.ready: list[tuple[int, StageId]] = []
+        self._add_ready()
         self.running: set[StageId] = set()
         self.elsewhere: dict[StageId, Watch] = {}  # at work in another run
         self.settled: set[StageId] = set()
@@ -218,10 +217,12 @@ class _Runner:
         """A stage is up to date: stages that need it may be ready now."""
         self.settled.add(node.stage.id)
         self._end(node, None)
-        for key in self.readers[node.stage.id]:
-            self.unmet[key].discard(node.stage.id)
-            if not self.unmet[key]:
-                heapq.heappush(self.ready, (self.graph[key].rank, key))
+        self.order.done(node.stage.id)
+        self._add_ready()
+
+    def _add_ready(self) -> None:
+        for key in self.order.get_ready():
+            heapq.heappush(self.ready, (self.graph[key].rank, key))
 
     def _end(self, node: Node, failure: Failure | None) -> None:
         if node.stage.id in self.begun:

@@ -1,7 +1,7 @@
 """Detects faces, and palms of hands: BlazeFace for short range, and the palm detector of its kind.
 
 Bazarevsky et al. 2019, "BlazeFace: Sub-millisecond Neural Face Detection on Mobile GPUs"; Zhang et
-al. 2020, "MediaPipe Hands: On-device Real-time Hand Tracking": boxes relative to fixed anchors;
+al. 2020, "On-device Real-time Hand Tracking" (arXiv 2006.10214): boxes relative to fixed anchors;
 boxes that overlap are averaged, weighted by their scores.
 
 Letters: A anchors.

@@ -1,7 +1,7 @@
 """Finds hands in images, and follows them from frame to frame.
 
-Zhang et al. 2020, "MediaPipe Hands: On-device Real-time Hand Tracking": palms are detected, and the
-points of a hand are found in the region round it; they give the region for the next frame.
+Zhang et al. 2020, "On-device Real-time Hand Tracking" (arXiv 2006.10214): palms are detected, and
+the points of a hand are found in the region round it; they give the region for the next frame.
 """
 
 from __future__ import annotations

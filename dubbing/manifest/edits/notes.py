@@ -3,9 +3,10 @@
 from pathlib import Path
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
-from dubbing.engine.disk.files import digest_data, read_bounded
+from dubbing.engine.disk import json_records
+from dubbing.engine.disk.files import digest_data
 from dubbing.errors import ExplainedError
 from dubbing.manifest.edits.kept_edits import KeptEdits
 from dubbing.manifest.keys.edit_entry import LONGEST_NOTE, Edit
@@ -13,7 +14,6 @@ from dubbing.manifest.keys.messages import suggestion
 from dubbing.production.production import Production
 from dubbing.script.timeline import Cue
 
-MOST_BYTES = 10**7
 ANEW = "make the report anew, and write the notes there"
 
 
@@ -55,13 +55,8 @@ def read(path: Path) -> list[Note]:
     Raises:
         ExplainedError: it holds something else.
     """
-    try:
-        return Notes.model_validate_json(read_bounded(path, MOST_BYTES)).notes
-    except ValidationError as error:
-        detail = error.errors()[0]
-        place = ".".join(map(str, detail["loc"]))
-        what = f"no notes of a report: {place or 'the file'}: {detail['msg']}"
-        raise ExplainedError(what, path.name, "give the file that the page wrote") from None
+    remedy = "give the file that the page of a report wrote"
+    return json_records.read(path, Notes, "a file of notes", remedy).notes
 
 
 def put(production: Production, path: Path) -> dict[str, list[Note]]:

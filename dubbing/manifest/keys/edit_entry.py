@@ -13,17 +13,15 @@ LONGEST_NOTE = 1000  # characters
 LONGEST_NAME, MOST_TAKES = 60, 100  # characters; of a line
 MOST_KEYS, LATEST = 1000, 86400.0  # of a line; s
 
-
-Strength = Annotated[float, Field(ge=0, le=1.5, allow_inf_nan=False)]
-
-
+Second = Annotated[float, Field(ge=0, le=LATEST)]
+Strength = Annotated[float, Field(ge=0, le=1.5)]
 Style = Literal["as spoken", "softer", "clearer"]
 
 
 class Key(Entry):
     """How far the lips leave the closed mouth at one moment of a line."""
 
-    at: float = Field(ge=0, le=LATEST, allow_inf_nan=False)
+    at: Second
     """Seconds of the line's sound."""
     strength: Strength
     """As `strength` of the line: 0 closes the mouth."""
@@ -32,9 +30,9 @@ class Key(Entry):
 class Span(Entry):
     """A part of a line."""
 
-    start: float = Field(ge=0, le=LATEST, allow_inf_nan=False)
+    start: Second
     """Seconds of the line's sound."""
-    end: float = Field(ge=0, le=LATEST, allow_inf_nan=False)
+    end: Second
     """Seconds of the line's sound, later than `start`."""
 
     @model_validator(mode="after")
@@ -44,7 +42,7 @@ class Span(Entry):
         return self
 
 
-Shift = Annotated[float, Field(ge=-LONGEST_SHIFT, le=LONGEST_SHIFT, allow_inf_nan=False)]
+Shift = Annotated[float, Field(ge=-LONGEST_SHIFT, le=LONGEST_SHIFT)]
 
 
 class Moved(Span):

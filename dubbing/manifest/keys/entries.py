@@ -44,7 +44,7 @@ def _mark(value: Any) -> Any:
 class Credits(Entry):
     """A card of credits after the last frame, in silence."""
 
-    seconds: Seconds = Field(default=3.0, gt=0, le=60, allow_inf_nan=False)
+    seconds: Seconds = Field(default=3.0, gt=0, le=60)
     """How long the card stays, at most 60 s."""
     text: Annotated[str, Field(max_length=500), AfterValidator(check_words)] | None = None
     """Words of the card; if left out: what is AI-generated, and who agreed to it."""
@@ -70,7 +70,7 @@ class Finetune(Entry):
 
     iterations: int | None = Field(default=None, ge=1, le=10**9)
     """Training steps. Without: as many as a dub needs, 60; 250 of a head that turns."""
-    learning_rate: float | None = Field(default=None, gt=0, le=0.1, allow_inf_nan=False)
+    learning_rate: float | None = Field(default=None, gt=0, le=0.1)
     """Learning rate of Adam in the first step."""
     rays: int | None = Field(default=None, ge=64, le=10**6)
     """Rays in a step. Without: 3,072, or half in the 60 steps that a dub needs; 850 of `paper`."""
@@ -81,7 +81,7 @@ class Finetune(Entry):
 class FacePoint(Entry):
     """A point inside a face."""
 
-    at: Seconds = Field(ge=0, le=LONGEST_SECONDS, allow_inf_nan=False)
+    at: Seconds = Field(ge=0, le=LONGEST_SECONDS)
     """When, in the first clip."""
     x: float = Field(ge=0, le=1)
     """Share of the frame's width, from the left."""
@@ -133,7 +133,7 @@ class Identity(Entry):
     """A point in this person's face, where the first clip shows several faces; one, or a list.
     Other shots and clips follow by looks.
     """
-    start: Seconds = Field(default=0.0, ge=0, le=LONGEST_SECONDS, allow_inf_nan=False)
+    start: Seconds = Field(default=0.0, ge=0, le=LONGEST_SECONDS)
     """Where in the clip to begin to learn."""
     seconds: LearnedSeconds = LEARNED_SECONDS
     """How many seconds to learn from, or `best`: the 15 s of all clips that vary most. Up to 40
@@ -235,13 +235,11 @@ class Dub(Entry):
     """Loudness of each line: `r128` -23 LUFS, `streaming` -27 LUFS, `none` as recorded."""
     language: Language | None = None
     """Language of the new speech; required if a consent is limited to languages."""
-    audio_start: Seconds = Field(default=0.0, ge=0, le=LONGEST_SECONDS, allow_inf_nan=False)
+    audio_start: Seconds = Field(default=0.0, ge=0, le=LONGEST_SECONDS)
     """Where in the recording to begin."""
-    audio_seconds: Seconds | None = Field(
-        default=None, gt=0, le=LONGEST_SECONDS, allow_inf_nan=False
-    )
+    audio_seconds: Seconds | None = Field(default=None, gt=0, le=LONGEST_SECONDS)
     """How much of the recording to use; to its end if left out."""
-    video_start: Seconds = Field(default=0.0, ge=0, le=LONGEST_SECONDS, allow_inf_nan=False)
+    video_start: Seconds = Field(default=0.0, ge=0, le=LONGEST_SECONDS)
     """Where in the film to begin."""
     on_longer_audio: Literal["bounce", "loop", "hold", "cut", "fail"] = "bounce"
     """If speech is longer than the film: run its last shot backwards and forwards, repeat it, hold

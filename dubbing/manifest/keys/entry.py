@@ -4,11 +4,15 @@ from pydantic import BaseModel, ConfigDict
 
 
 class Entry(BaseModel):
-    """Frozen, of exact types, without unknown keys.
+    """Frozen, of exact types and finite numbers, without unknown keys.
 
     The text below a field is its description, in the schema and in the reference.
     """
 
     model_config = ConfigDict(
-        extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True
+        extra="forbid",
+        frozen=True,
+        strict=True,
+        allow_inf_nan=False,
+        use_attribute_docstrings=True,
     )

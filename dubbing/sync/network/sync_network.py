@@ -27,7 +27,6 @@ from dubbing.sync.network.streams import SIZE, LipStream, PixelStream, SoundStre
 from dubbing.sync.network.weight_path import SYNC_WEIGHTS
 
 FORMAT = "dfrf-sync-3"
-DEFAULT_WEIGHTS = SYNC_WEIGHTS
 # Centre and scale: log-mel is 0 in silence and 1 in average speech, and becomes -1.4..1.2.
 _LEVELS = {"mel": (0.7, 2.0), "rnn": (0.0, 1.0)}
 
@@ -117,7 +116,7 @@ def save_network(network: SyncNetwork, path: Path, about: dict[str, Any]) -> Non
     save_half(network.state_dict(), path, header)
 
 
-def load_network(path: Path = DEFAULT_WEIGHTS) -> SyncNetwork:
+def load_network(path: Path = SYNC_WEIGHTS) -> SyncNetwork:
     """The network in evaluation mode, float32.
 
     Raises:

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Self
 
 from dubbing.errors import ExplainedError
-from dubbing.heads.fine_tuning import MODEL_FILE, clip_speech
+from dubbing.heads.fine_tuning import clip_speech
+from dubbing.identity.learned import MODEL_FILE
 from dubbing.manifest.manifest import load
 from dubbing.pipeline import person_job
 from dubbing.preparation.prepared import PreparedClip

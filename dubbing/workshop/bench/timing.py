@@ -24,7 +24,8 @@ from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.field.reference_views import ReferenceViews
 from dfrf.field.speaker_adaptation import CONTEXT_FRAMES
 from dfrf.presets import method_of
-from dfrf.published.paper_model import PaperModel, References
+from dfrf.published.conditioned_field import References
+from dfrf.published.paper_model import PaperModel
 from dfrf.rendering.baked_frame import BakedHead, ViewImages
 from dfrf.rendering.frame_head import FrameHead, MarchedHead
 from dfrf.rendering.frame_renderer import BLOCK, head_blocks, render_frame

@@ -23,8 +23,8 @@ from dubbing.engine.disk.files import atomic_write_json, remove_torn
 from dubbing.engine.graph.stage import Progress, Stage
 from dubbing.engine.running.update import run_stage
 from dubbing.errors import ExplainedError
-from dubbing.heads.fine_tuning import MODEL_FILE, clip_speech
-from dubbing.identity.learned import SUMMARY_FILE
+from dubbing.heads.fine_tuning import clip_speech
+from dubbing.identity.learned import MODEL_FILE, SUMMARY_FILE
 from dubbing.pipeline import person_job
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.production.production import Production

@@ -18,7 +18,8 @@ from torch import Tensor
 
 from dfrf.checkpoint import MALFORMED_ERRORS, CheckpointError, write_tensors
 from dfrf.config import FORMATS, PUBLISHED_SPEECH
-from dfrf.published.paper_model import PaperConfig, PaperModel
+from dfrf.published.conditioned_field import PaperConfig
+from dfrf.published.paper_model import PaperModel
 
 COARSE = "network_fn_state_dict"
 FINE = "network_fine_state_dict"

@@ -16,10 +16,10 @@ def test_order_is_identity_then_sine_and_cosine_of_each_octave() -> None:
 
 
 def test_published_widths() -> None:
-    assert [encoded_size(3, octaves) for octaves in (10, 4, 5, 0)] == [63, 27, 33, 3]
+    assert [encoded_size(octaves) for octaves in (10, 4, 5, 0)] == [63, 27, 33, 3]
     for octaves in (10, 4, 5, 0):
         encoded = frequency_encoding(torch.zeros(2, 5, 3), octaves)
-        assert encoded.shape == (2, 5, encoded_size(3, octaves))
+        assert encoded.shape == (2, 5, encoded_size(octaves))
 
 
 def test_gradient() -> None:

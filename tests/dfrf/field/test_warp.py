@@ -9,7 +9,7 @@ from dfrf.data.reference_cuts import cut_references
 from dfrf.fast.fast_model import FastModel
 from dfrf.field.field import Field
 from dfrf.field.reference_views import ReferenceViews
-from dfrf.field.warp import SLOPE, warped
+from dfrf.field.warp import SLOPE
 from tests.dfrf.people import person, small_config
 
 POINT = torch.tensor([[0.1, -0.3, 0.8]])
@@ -69,8 +69,3 @@ def test_no_offset_is_larger_than_it_may_be() -> None:
     parts = torch.randn(5, 45), torch.zeros(1, 70), torch.ones(5, 1), torch.randn(1, 5, 12)
     most = model.config.field.max_offset
     torch.testing.assert_close(model.field.warp(*parts), torch.full((1, 5, 2), most))
-
-
-def test_offsets_are_in_pixels_of_512() -> None:
-    moved = warped(torch.zeros(1, 1, 2), torch.tensor([[[8.0, -4.0]]]), 0.25)
-    assert torch.equal(moved, torch.tensor([[[2.0, -1.0]]]))

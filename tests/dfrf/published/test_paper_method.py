@@ -15,9 +15,10 @@ from dfrf.data.dataset import OUTSIDE, HeadDataset, neighbour_windows
 from dfrf.method_interface import FrameInputs
 from dfrf.presets import method_of
 from dfrf.published import paper_method
+from dfrf.published.conditioned_field import EncodedReferences, PaperConfig
 from dfrf.published.paper_loss import paper_loss
 from dfrf.published.paper_method import PaperMethod, bounds
-from dfrf.published.paper_model import EncodedReferences, PaperConfig, PaperModel
+from dfrf.published.paper_model import PaperModel
 from dfrf.saved_models import load_model, load_person, save_model, save_person
 from dfrf.training.fit import FitOptions, TrainingDivergedError, fit
 from dfrf.training.step import step_outcome

@@ -9,8 +9,9 @@ from dfrf.cameras import pixel_rays
 from dfrf.config import TrainConfig
 from dfrf.field.encodings import frequency_encoding
 from dfrf.published import radiance_field as field
+from dfrf.published.conditioned_field import EncodedReferences, PaperConfig, References
 from dfrf.published.paper_loss import paper_loss
-from dfrf.published.paper_model import EncodedReferences, PaperConfig, PaperModel, References
+from dfrf.published.paper_model import PaperModel
 
 pytestmark = pytest.mark.medium
 

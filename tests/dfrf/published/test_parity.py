@@ -16,8 +16,8 @@ from torch import Tensor
 
 from dfrf.cameras import pixel_grid, pixel_rays, project
 from dfrf.field.encodings import frequency_encoding
-from dfrf.published.conditioned_field import FrameConditions
-from dfrf.published.paper_model import EncodedReferences, PaperModel, References
+from dfrf.published.conditioned_field import EncodedReferences, FrameConditions, References
+from dfrf.published.paper_model import PaperModel
 from dfrf.published.references import clamp_to_image
 from dfrf.saved_models import load_model
 from dubbing.workshop.published.importing import import_checkpoint

@@ -2,7 +2,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from dfrf.published.slot_attention import SlotAttention, slot_weights
+from dfrf.published.slot_attention import ROUNDS, SlotAttention, slot_weights
 
 
 def small(slots: int = 2) -> SlotAttention:
@@ -22,7 +22,7 @@ def slow_aggregation(net: SlotAttention, tokens: Tensor, points: Tensor, noise: 
             keys.append(net.key(x))
             values.append(net.value(x))
         slots = [net.mean + net.log_deviation.exp() * noise[m, k] for k in range(net.slots)]
-        for _ in range(net.iterations):
+        for _ in range(ROUNDS):
             shares = []
             for key in keys:
                 logits = [net.query(net.norm_slots(s)) @ key / len(key) ** 0.5 for s in slots]

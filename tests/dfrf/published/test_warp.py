@@ -1,6 +1,6 @@
 import torch
 
-from dfrf.published.warp import WarpMLP, warped
+from dfrf.published.warp import WarpMLP
 
 POINTS, CODE, FEATURES = torch.randn(7, 63), torch.randn(64), torch.randn(4, 7, 128)
 
@@ -49,7 +49,3 @@ def test_offsets_end_at_the_limit_without_gradient() -> None:
 def test_without_speech() -> None:
     warp = WarpMLP(code_dim=0)
     assert warp(POINTS, torch.zeros(0), FEATURES).shape == (4, 7, 2)
-
-
-def test_equation_4() -> None:
-    assert warped(torch.tensor([[3.0, 4.0]]), torch.tensor([[0.5, -1.0]])).tolist() == [[3.5, 3.0]]

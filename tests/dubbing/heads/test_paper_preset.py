@@ -12,13 +12,15 @@ from dfrf import presets, saved_models
 from dfrf.config import PUBLISHED_SPEECH, ModelConfig
 from dfrf.field.speaker_adaptation import NUMBERS
 from dfrf.published import paper_method
-from dfrf.published.paper_model import PaperConfig, PaperModel
+from dfrf.published.conditioned_field import PaperConfig
+from dfrf.published.paper_model import PaperModel
 from dubbing.batch import jobs
 from dubbing.errors import CheckpointError, ManifestError
 from dubbing.heads import rendering as heads
-from dubbing.heads.fine_tuning import MODEL_FILE, SUMMARY_FILE, finetune
+from dubbing.heads.fine_tuning import finetune
 from dubbing.heads.initial_model import init_from_base
 from dubbing.identity.finetune_settings import FinetuneSettings
+from dubbing.identity.learned import MODEL_FILE, SUMMARY_FILE
 from dubbing.manifest.checks import preset_checks as published
 from dubbing.manifest.manifest import load
 from dubbing.media import read_frames

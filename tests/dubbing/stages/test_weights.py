@@ -36,7 +36,7 @@ def test_every_weights_file_of_the_package_is_an_input_of_who_reads_it(tmp_path:
     not_read = {  # where a module that reads weights is imported for something else
         "refine_poses": {"encoder", "filter", "acoustic_weights", "voice_detector", *faces},
         "finetune": faces,
-        "render": {"encoder", "filter", "acoustic_weights", "voice_detector", *faces, *hands},
+        "render": {"encoder", "filter", "acoustic_weights", "voice_detector"},
         "prepare": hands,
         "check": {"person_mask", *hands},
         "check_source": {"person_mask", *hands},

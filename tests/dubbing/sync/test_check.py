@@ -178,9 +178,9 @@ def test_block_lengths() -> None:
 
 
 def test_segments_of_five_seconds() -> None:
-    assert segment_edges(100, 25).tolist() == [0, 100]
-    assert segment_edges(300, 25).tolist() == [0, 125, 300]
-    assert segment_edges(330, 25).tolist() == [0, 125, 250, 330]
+    assert segment_edges(100, 25) == [0, 100]
+    assert segment_edges(300, 25) == [0, 125, 300]
+    assert segment_edges(330, 25) == [0, 125, 250, 330]
 
 
 def test_a_file_without_picture(sound_file: Write) -> None:

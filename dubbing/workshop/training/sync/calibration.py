@@ -29,7 +29,8 @@ from dubbing.sync.measure import Sound
 from dubbing.sync.mouth_figures import MouthSeries, mouth_figures, of_mouth
 from dubbing.sync.network.channels import SoundChannels
 from dubbing.sync.network.embeddings import mouth_embeddings, sound_embeddings
-from dubbing.sync.network.sync_network import DEFAULT_WEIGHTS, SyncNetwork, load_network
+from dubbing.sync.network.sync_network import SyncNetwork, load_network
+from dubbing.sync.network.weight_path import SYNC_WEIGHTS
 from dubbing.sync.result import FaceResult, Figures, Verdict
 from dubbing.sync.sums import SILENT_WEIGHT
 from dubbing.workshop.training.sync.clips import recorded
@@ -278,7 +279,7 @@ def table(windows: Sequence[Window], seconds: float = SECONDS) -> str:
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("clips", nargs="+", type=Path)
-    parser.add_argument("--network", type=Path, default=DEFAULT_WEIGHTS, help="of train-sync")
+    parser.add_argument("--network", type=Path, default=SYNC_WEIGHTS, help="of train-sync")
     parser.add_argument("--seconds", type=float, default=SECONDS, help="of a window")
     parser.add_argument("--cache", type=Path, required=True, help="keeps the measured clips")
     chosen = parser.parse_args(arguments)

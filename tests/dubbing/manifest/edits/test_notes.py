@@ -92,7 +92,7 @@ def test_what_does_not_fit_is_refused(
 def test_other_files_are_refused(production: Production, text: str) -> None:
     path = production.manifest.with_name("other.json")
     path.write_text(text)
-    with pytest.raises(ExplainedError, match="no notes of a report"):
+    with pytest.raises(ExplainedError, match="a file of notes holds something else"):
         put(production, path)
 
 
