@@ -21,8 +21,8 @@ from dubbing.preparation.prepared import OVERLAY, PreparedClip
 from dubbing.script.timeline import Cue
 from dubbing.video import turnover
 from dubbing.video.assembly import make
-from dubbing.video.composer import Heads, read_heads
 from dubbing.video.files import DELIVERED, PICTURE_FILE
+from dubbing.video.heads import Heads, read_heads
 from dubbing.video.own_pixels import reasons, views
 from dubbing.video.settings import VideoSettings
 from tests import clips, fakes, sequences
