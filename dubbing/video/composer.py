@@ -4,11 +4,11 @@ F frames, S side of the crop in px.
 """
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -17,21 +17,19 @@ from dubbing.compositing.composite import blend, replacement
 from dubbing.compositing.film_look import with_noise
 from dubbing.media import Planes
 from dubbing.media.properties.colour import Colour
-from dubbing.preparation.prepared import FilmFrame, PreparedClip
+from dubbing.preparation.prepared import PreparedClip
 from dubbing.preparation.tracking.reach import Reach
 from dubbing.provenance import card, provenance
 from dubbing.provenance.mark import Mark
 from dubbing.provenance.mark_key import Marking, bits_of
 from dubbing.script import timeline
+from dubbing.video import motion
 from dubbing.video.face import Face
+from dubbing.video.film import in_order, read_film, read_frames
 from dubbing.video.heads import Heads
 from dubbing.video.own_pixels import ASKED, OVERLAID, OwnPixels, own_pixels, reach
 from dubbing.video.settings import VideoSettings
 from dubbing.video.turnover import Delivery
-
-BACKWARDS = 25  # frames decoded forwards and kept, to be given out in reverse
-
-Picture = TypeVar("Picture")
 
 
 class Composer:
@@ -147,26 +145,35 @@ class Composer:
     ) -> Iterator[tuple[np.ndarray, list[Face]]]:
         poses = self.poses[low:high]
         films = [read_frames(h.clip, poses) for h in heads]
-        rendered = [h.read(low - h.first, high - low) for h in heads]
+        rendered = [self._rendered(h, low - h.first, high - h.first) for h in heads]
         for k in range(low, high):
             faces = [
                 Face(
                     h.clip,
                     next(film),
-                    next(head),
+                    head,
                     float(self.shares[h.clip.folder][k]),
+                    beside,
                 )
-                for h, film, head in zip(heads, films, rendered, strict=True)
+                for h, film, (head, beside) in zip(heads, films, map(next, rendered), strict=True)
             ]
             film = faces[0].film
             yield film.whole if self.frames == "full" else film.image, faces
+
+    def _rendered(
+        self, heads: Heads, first: int, stop: int
+    ) -> Iterator[tuple[np.ndarray, motion.Beside]]:
+        """Heads first .. stop of a cue, with those beside them where vectors are delivered."""
+        if self.delivery is None or self.delivery.whole:
+            return zip(heads.read(first, stop - first), itertools.repeat((None, None)))
+        return motion.with_those_beside(heads.read, first, stop, heads.stop - heads.first)
 
     def planes(self, first: int, stop: int) -> Iterator[Planes | None]:
         """The film's own values of frames first .. stop of the dub; None for RGB pictures."""
         if self.pixels is None:
             yield from itertools.repeat(None, stop - first)
         else:
-            yield from _in_order(self.film.whole_planes, self.poses[first:stop])
+            yield from in_order(self.film.whole_planes, self.poses[first:stop])
 
     def card(self, text: str) -> np.ndarray | Planes:
         """A card of credits in the size and the values of the frames."""
@@ -231,30 +238,3 @@ def invisible_mark(marking: Marking | None, width: int, height: int, rate: Fract
     if marking is None:
         return None
     return Mark(marking.key(), bits_of(marking.id), width, height, rate)
-
-
-def read_frames(clip: PreparedClip, poses: np.ndarray) -> Iterator[FilmFrame]:
-    """The film's frame for every pose, whichever way they run."""
-    return _in_order(clip.film_frames, poses)
-
-
-def read_film(clip: PreparedClip, poses: np.ndarray) -> Iterator[np.ndarray]:
-    """The frames of the film a clip was prepared from, whichever way they run."""
-    return _in_order(clip.whole_frames, poses)
-
-
-def _in_order(
-    forward: Callable[[int, int], Iterator[Picture]], poses: np.ndarray
-) -> Iterator[Picture]:
-    """Frames that ``forward`` reads from a first one on, for every pose, whichever way they run."""
-    for first, length, step in timeline.runs(poses):
-        if step == 0:
-            (still,) = forward(first, 1)
-            yield from (still for _ in range(length))
-        elif step == 1:
-            yield from forward(first, length)
-        else:
-            for done in range(0, length, BACKWARDS):
-                count = min(BACKWARDS, length - done)
-                last = first - done
-                yield from reversed(list(forward(last - count + 1, count)))

@@ -145,12 +145,12 @@ def test_the_layers_of_a_turnover(shot: Shot) -> None:
     assert image.header.get_string_attribute("smpte:TimeCode") == "01:00:00:00"
     assert "AI-generated" in image.header.get_string_attribute("ImageDescription")
     assert (image.header.full_width, image.header.full_height) == (WIDTH, HEIGHT)
-    opacity, front, head = (image.stored[..., k] for k in (3, 4, 8))
+    opacity, front, head = (image.stored[..., k] for k in (3, 8, 12))
     row, column = 20 + 16 - image.header.y, 40 + 16 - image.header.x
     assert (head[row, column], front[row, column], opacity[row, column]) == (1, 1, 0)
     assert front[row + 4, column] == 0
     assert opacity[row + 3, column] > 0
-    colour = image.stored[row, column, 5:8][None, None]
+    colour = image.stored[row, column, 9:12][None, None]
     shown = media.probe(shot.clip).values.picture(colour)[0, 0]
     assert np.abs(shown - np.array([*fakes.HEAD[:2], 2])).max() <= 2
 
