@@ -55,6 +55,10 @@ def sync(
         Path | None,
         file_option("--source", "The clip it was dubbed from: judges it beside this one.", "CLIP"),
     ] = None,
+    colour: Annotated[
+        str,
+        typer.Option("--colour", help="Camera log that both are in, as LogC4.", metavar="NAME"),
+    ] = "",
     as_json: AsJson = False,
 ) -> None:
     """Measure the lip sync of any video, and how near it is to a source. Exit code 3 on fail."""
@@ -64,19 +68,25 @@ def sync(
         )
     packages.require()
     from dubbing.cli import console, live
+    from dubbing.engine.disk.numbered import with_options
+    from dubbing.media.properties.film_values import space_of
     from dubbing.sync.check import check
     from dubbing.workshop.lab.syncnet.check import published_check
 
+    shown = {"film": space_of(colour)} if colour else {}
     with live.progress_bar(f"sync {video.name}") as progress:
         if weights is None:
             own = None
             if source is not None:
-                own = check(source, progress=lambda share: progress("the source", share))
+                clip = with_options(source, shown)
+                own = check(clip, progress=lambda share: progress("the source", share))
             found = check(
-                video, source=own, progress=lambda share: progress("listening and looking", share)
+                with_options(video, shown),
+                source=own,
+                progress=lambda share: progress("listening and looking", share),
             )
         else:
-            found = published_check(video, weights)
+            found = published_check(with_options(video, shown), weights)
     if as_json:
         typer.echo(json.dumps(found.to_json(), indent=2))
     else:

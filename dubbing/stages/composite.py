@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from dubbing.preparation.prepared import PreparedClip
     from dubbing.production.dub import Dub
     from dubbing.script.timeline import Cue
-    from dubbing.video.composer import Heads
+    from dubbing.video.heads import Heads
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,7 @@ class Composite(OnFilm):
     def run(self, out: Path, progress: Progress) -> None:
         from dubbing.engine.disk.files import digest_data
         from dubbing.video.assembly import make
-        from dubbing.video.composer import read_heads
+        from dubbing.video.heads import read_heads
 
         clips = {name: person.film() for name, person in self.people.items()}
         kept = {name: person.kept(clips[name]) for name, person in self.people.items()}
@@ -166,7 +166,7 @@ class Composite(OnFilm):
 def digests_of_heads(stage: Stage, first: int, count: int) -> list[str]:
     """Of heads first .. first + count of a rendering stage, what each is made of."""
     from dubbing.engine.disk.pieces import digests_of
-    from dubbing.video.composer import files_of_heads
+    from dubbing.video.heads import files_of_heads
 
     found = []
     for start, path in files_of_heads(stage.folder, first, count):
@@ -183,7 +183,7 @@ def heads_of(
     kept: Mapping[str, np.ndarray],
 ) -> Heads:
     """The heads of a cue, over the film of its person."""
-    from dubbing.video.composer import Heads
+    from dubbing.video.heads import Heads
 
     person = cue.identity
     clip, asked = clips[person], edit.of_film(cue.stop - cue.first, clips[person].rate)

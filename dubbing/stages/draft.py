@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from dubbing.script.timeline import Cue
     from dubbing.sound_to_lips.cue_speech import Speech
     from dubbing.sound_to_lips.speech_frames import SpeechFrames
-    from dubbing.video.composer import Heads
+    from dubbing.video.heads import Heads
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -57,8 +57,9 @@ class Film:
         import numpy as np
 
         from dubbing.media.reading.overlap import ahead
-        from dubbing.video.composer import Composer, read_film
+        from dubbing.video.composer import Composer
         from dubbing.video.files import options_of_video
+        from dubbing.video.film import read_film
 
         heads = [self.half.heads(cue, edits.get(cue.name, Edit())) for cue in self.cues]
         composer = Composer(heads, self.half.poses, self.stage.settings)

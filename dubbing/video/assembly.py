@@ -27,7 +27,7 @@ from dubbing.mixing.mix import mix
 from dubbing.mixing.sound import SOUND, Sound
 from dubbing.preparation.crops.threads import in_order
 from dubbing.provenance import provenance
-from dubbing.video.composer import Composer, Heads
+from dubbing.video.composer import Composer
 from dubbing.video.files import (
     DELIVERED,
     PICTURE_FILE,
@@ -37,6 +37,7 @@ from dubbing.video.files import (
     video_file,
 )
 from dubbing.video.found_mark import found_again, found_before
+from dubbing.video.heads import Heads
 from dubbing.video.settings import VideoSettings
 from dubbing.video.turnover import CHECKED, Delivery
 from dubbing.video.untouched import compare

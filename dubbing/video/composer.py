@@ -4,67 +4,32 @@ F frames, S side of the crop in px.
 """
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
-from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from dubbing import media
 from dubbing.compositing.composite import blend, replacement
 from dubbing.compositing.film_look import with_noise
-from dubbing.errors import RenderingError
 from dubbing.media import Planes
 from dubbing.media.properties.colour import Colour
-from dubbing.preparation.prepared import FilmFrame, PreparedClip
+from dubbing.preparation.prepared import PreparedClip
 from dubbing.preparation.tracking.reach import Reach
 from dubbing.provenance import card, provenance
 from dubbing.provenance.mark import Mark
 from dubbing.provenance.mark_key import Marking, bits_of
 from dubbing.script import timeline
+from dubbing.video import motion
 from dubbing.video.face import Face
+from dubbing.video.film import in_order, read_film, read_frames
+from dubbing.video.heads import Heads
 from dubbing.video.own_pixels import ASKED, OVERLAID, OwnPixels, own_pixels, reach
 from dubbing.video.settings import VideoSettings
 from dubbing.video.turnover import Delivery
-
-BACKWARDS = 25  # frames decoded forwards and kept, to be given out in reverse
-
-Picture = TypeVar("Picture")
-
-
-@dataclass(frozen=True)
-class Heads:
-    """Rendered heads of a cue, of frames first .. stop of the dub.
-
-    Attributes:
-        read: gives so many (S, S, 4) uint8, from a first one of the cue on.
-        clip: under them, of which every dub has one a person.
-        kept: (T,) numbers of the reasons why its frames keep their own face; see `own_pixels`.
-        name: of the cue.
-        asked: (stop - first,) frames whose face an edit leaves to the film; () for none.
-        made_of: digests of what so many heads from a first one on are read from.
-    """
-
-    read: Callable[[int, int], Iterator[np.ndarray]]
-    clip: PreparedClip
-    first: int
-    stop: int
-    kept: np.ndarray
-    name: str = ""
-    asked: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
-    made_of: Callable[[int, int], list[str]] = lambda _first, _count: []
-
-    def why_kept(self, poses: np.ndarray) -> np.ndarray:
-        """Numbers (F,) of the reasons why frames of the dub keep the film's face; 0: they do not.
-
-        Args:
-            poses: (F,) frames of the film under the cue.
-        """
-        kept = self.kept[poses]
-        return np.where(self.asked[: len(poses)], ASKED, kept) if len(self.asked) else kept
 
 
 class Composer:
@@ -180,26 +145,35 @@ class Composer:
     ) -> Iterator[tuple[np.ndarray, list[Face]]]:
         poses = self.poses[low:high]
         films = [read_frames(h.clip, poses) for h in heads]
-        rendered = [h.read(low - h.first, high - low) for h in heads]
+        rendered = [self._rendered(h, low - h.first, high - h.first) for h in heads]
         for k in range(low, high):
             faces = [
                 Face(
                     h.clip,
                     next(film),
-                    next(head),
+                    head,
                     float(self.shares[h.clip.folder][k]),
+                    beside,
                 )
-                for h, film, head in zip(heads, films, rendered, strict=True)
+                for h, film, (head, beside) in zip(heads, films, map(next, rendered), strict=True)
             ]
             film = faces[0].film
             yield film.whole if self.frames == "full" else film.image, faces
+
+    def _rendered(
+        self, heads: Heads, first: int, stop: int
+    ) -> Iterator[tuple[np.ndarray, motion.Beside]]:
+        """Heads first .. stop of a cue, with those beside them where vectors are delivered."""
+        if self.delivery is None or self.delivery.whole:
+            return zip(heads.read(first, stop - first), itertools.repeat((None, None)))
+        return motion.with_those_beside(heads.read, first, stop, heads.stop - heads.first)
 
     def planes(self, first: int, stop: int) -> Iterator[Planes | None]:
         """The film's own values of frames first .. stop of the dub; None for RGB pictures."""
         if self.pixels is None:
             yield from itertools.repeat(None, stop - first)
         else:
-            yield from _in_order(self.film.whole_planes, self.poses[first:stop])
+            yield from in_order(self.film.whole_planes, self.poses[first:stop])
 
     def card(self, text: str) -> np.ndarray | Planes:
         """A card of credits in the size and the values of the frames."""
@@ -264,59 +238,3 @@ def invisible_mark(marking: Marking | None, width: int, height: int, rate: Fract
     if marking is None:
         return None
     return Mark(marking.key(), bits_of(marking.id), width, height, rate)
-
-
-def read_frames(clip: PreparedClip, poses: np.ndarray) -> Iterator[FilmFrame]:
-    """The film's frame for every pose, whichever way they run."""
-    return _in_order(clip.film_frames, poses)
-
-
-def read_film(clip: PreparedClip, poses: np.ndarray) -> Iterator[np.ndarray]:
-    """The frames of the film a clip was prepared from, whichever way they run."""
-    return _in_order(clip.whole_frames, poses)
-
-
-def _in_order(
-    forward: Callable[[int, int], Iterator[Picture]], poses: np.ndarray
-) -> Iterator[Picture]:
-    """Frames that ``forward`` reads from a first one on, for every pose, whichever way they run."""
-    for first, length, step in timeline.runs(poses):
-        if step == 0:
-            (still,) = forward(first, 1)
-            yield from (still for _ in range(length))
-        elif step == 1:
-            yield from forward(first, length)
-        else:
-            for done in range(0, length, BACKWARDS):
-                count = min(BACKWARDS, length - done)
-                last = first - done
-                yield from reversed(list(forward(last - count + 1, count)))
-
-
-def files_of_heads(folder: Path, first: int, count: int) -> Iterator[tuple[int, Path]]:
-    """The files of a folder that hold heads first .. first + count, with their first frames."""
-    for start, path in sorted((int(path.stem), path) for path in folder.glob("*.mkv")):
-        if start < first + count and first < start + media.probe(path).frames:
-            yield start, path
-
-
-def read_heads(folder: Path, first: int, count: int) -> Iterator[np.ndarray]:
-    """Heads (S, S, 4) uint8 of frames first .. first + count, of FFV1 RGBA files in a folder.
-
-    Files bear their first frame.
-
-    Raises:
-        RenderingError: there are not so many.
-    """
-    given = 0
-    for start, path in files_of_heads(folder, first, count):
-        skip = max(0, first - start)
-        for head in media.read_frames(path, start=skip, count=count - given, pixels="rgba"):
-            yield head
-            given += 1
-    if given < count:
-        raise RenderingError(
-            f"{given} heads instead of {count} from frame {first} on",
-            str(folder),
-            "run again with --force render",
-        )

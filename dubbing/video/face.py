@@ -9,9 +9,14 @@ from dubbing.preparation.prepared import FilmFrame, PreparedClip
 
 @dataclass(frozen=True)
 class Face:
-    """A face in a frame of the film, the rendered head, and how much of it is shown."""
+    """A face in a frame of the film, the rendered head, and how much of it is shown.
+
+    Attributes:
+        beside: the heads of the frames before and after, where they are needed.
+    """
 
     clip: PreparedClip
     film: FilmFrame
     head: np.ndarray
     share: float
+    beside: tuple[np.ndarray | None, np.ndarray | None] = (None, None)

@@ -3,8 +3,8 @@
 from fractions import Fraction
 from pathlib import Path
 
-from dubbing import media
 from dubbing.engine.disk.numbered import numbered
+from dubbing.media.sequences.image_files import header_of
 
 NUKE = """\
 Root {{
@@ -46,13 +46,14 @@ def script(film: Path, rate: Fraction) -> str:
     files = numbered(film)
     assert files is not None
     first, *_, last = [*files.files(), *files.files()]
-    info = media.probe(film)
+    header = header_of(files.files()[first])
+    width, height = header.full_width, header.full_height
     # Nuke takes the input that comes last for the one below.
     return NUKE.format(
         first=first,
         last=last,
         rate=f"{float(rate):.6g}",
-        size=f"{info.width} {info.height} 0 0 {info.width} {info.height} 1 film",
+        size=f"{width} {height} 0 0 {width} {height} 1 film",
         layer=f"{files.plain.stem}.exr",
         film=files.plain.as_posix(),
     )

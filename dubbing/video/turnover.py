@@ -1,8 +1,9 @@
 """Frames of a dub in the film's own values, for whoever composites it, and the proof of them.
 
 A turnover holds a half-float EXR for every frame in which a face is replaced, in layers: the
-replaced colour, premultiplied, with its opacity; the raw head; what lies in front of it in the
-film. Laid over the film's frame it gives the finished frame. H x W pixels, S side of the crop.
+replaced colour, premultiplied, with its opacity; how replaced pixels move; the raw head; what lies
+in front of it in the film. Laid over the film's frame it gives the finished frame. H x W pixels,
+S side of the crop.
 """
 
 from __future__ import annotations
@@ -28,9 +29,13 @@ from dubbing.preparation.background.pixels import extent
 from dubbing.preparation.tracking import cropping
 from dubbing.provenance import provenance
 from dubbing.video.face import Face
+from dubbing.video.motion import motion
 from dubbing.video.nuke import script
 
-CHANNELS = ("R", "G", "B", "A", "front.A", "head.R", "head.G", "head.B", "head.A")  # as EXR sorts
+CHANNELS = (  # as EXR sorts
+    *("R", "G", "B", "A", "backward.u", "backward.v", "forward.u", "forward.v"),
+    *("front.A", "head.R", "head.G", "head.B", "head.A"),
+)
 CHECKED = "checked.txt"  # a line a frame, until all are made
 MOST_STEPS = 1.001  # of a half float, between film with layer and the finished frame
 Part = tuple[slice, slice]
@@ -89,7 +94,8 @@ class Delivery:
             return
         differs = differing(before, after)
         outside = int((differs & (replaced == 0)).sum())
-        heads = [layer(before, face, index, face.head) for face in faces if face.share > 0]
+        shown = [face for face in faces if face.share > 0]
+        heads = [layer(before, face, index, face.head) for face in shown]
         drawn = reduce(np.maximum, [head[..., 3] for head in heads])
         part = extent((replaced > 0) | (not self.whole and drawn > 0))
         filmed = image.values(part)
@@ -101,11 +107,12 @@ class Delivery:
             self._note(name, outside, 0.0, started)
             return
         opacity = (replaced[part].astype(np.float32) / STEPS).astype(np.float16)[..., None]
-        layers = [premultiplied(made, filmed, opacity), opacity]
-        layers += [in_front(before, faces, index)[part], raw_head(heads, values, part)]
-        stored = np.concatenate(layers, 2, dtype=np.float16, casting="same_kind")
         rows, columns = part
         corner = columns.start, rows.start
+        layers = [premultiplied(made, filmed, opacity), opacity]
+        layers += [motion(shown, index, opacity[..., 0] > 0, corner)]
+        layers += [in_front(before, faces, index)[part], raw_head(heads, values, part)]
+        stored = np.concatenate(layers, 2, dtype=np.float16, casting="same_kind")
         path = self.folder / name
         image_files.write_image(
             path, stored, image.header, channels=CHANNELS, corner=corner, tags=tags()

@@ -30,6 +30,8 @@ CONTAINERS = (
 REFUSED = "a playlist, a still picture, or no film or sound that can be read"
 REMEDY = "convert it to one file of its own: .mp4, .mov, .mkv or .wav"
 PLAYLISTS = (b"#extm3u", b"ffconcat", b"[playlist]")  # first bytes, whatever the file's name
+SEEK_LEAD = 1.5  # seconds; more than a picture is late, and than a decoder needs to begin
+GAPS = {"async": 1, "first_pts": 0, "min_hard_comp": 0.02}  # s; longer ones between packets stay
 WAV_PACKET = 1 << 18  # bytes; with the default ones a long recording takes twice the time
 
 # Layouts by the number of channels, as in films.
@@ -76,13 +78,11 @@ def source(path: Path | str, **options: Any) -> Stream:
     return ffmpeg.input(address(path), **_only(CONTAINERS), **options)
 
 
-def picture_of(path: Path | str, zero: float | None, begin: float, **options: Any) -> Stream:
+def picture_of(path: Path | str, zero: float, begin: float, **options: Any) -> Stream:
     """The picture of ``path``, its times counted from ``begin`` seconds after ``zero``.
 
     ``zero``: see `MediaInfo.zero`; options seek to ``begin``, where it is not 0.
     """
-    if zero is None:
-        return source(path, **options).video
     return source(path, copyts=None, **options).video.filter("setpts", _since(zero, begin))
 
 
@@ -91,13 +91,12 @@ def in_time(picture: Stream, late: float) -> Stream:
     return picture.filter("setpts", f"round(PTS-{late:.6f}/TB)") if late else picture
 
 
-def sound_of(
-    path: Path | str, zero: float | None, begin: float, tracks: Sequence[int] = (0,)
-) -> Stream:
+def sound_of(path: Path | str, zero: float, begin: float, tracks: Sequence[int] = (0,)) -> Stream:
     """The sound of ``path`` from ``begin`` seconds after ``zero`` on; see `picture_of`.
 
     Sound that starts late in its file is padded with silence before it. Several tracks, of a
-    channel each, become the channels of one sound.
+    channel each, become the channels of one sound. A seek is only good to a packet or two, and
+    where the first key frame of the picture is later it ends anywhere: it goes to some time before.
 
     Raises:
         MediaError: ``begin`` is before the file.
@@ -105,13 +104,13 @@ def sound_of(
     if begin < 0:
         what = f"sound from {begin:g} s on, before its beginning"
         raise MediaError(what, str(path), "begin at 0 or later")
-    film = source(path, ss=f"{begin:.6f}", **({} if zero is None else {"copyts": None}))
+    early = begin - SEEK_LEAD
+    seek = {"ss": f"{early:.6f}", "noaccurate_seek": None} if early > SEEK_LEAD else {}
+    film = source(path, copyts=None, **seek)
     sounds = []
     for track in tracks:
-        sound = film[f"a:{track}"]
-        if zero is not None:
-            sound = sound.filter("asetpts", _since(zero, begin))
-        sounds.append(sound.filter("aresample", **{"async": 1, "first_pts": 0}))
+        sound = film[f"a:{track}"].filter("asetpts", _since(zero, begin))
+        sounds.append(sound.filter("aresample", **GAPS))
     if len(sounds) == 1:
         return sounds[0]
     layout = LAYOUTS[len(sounds)]

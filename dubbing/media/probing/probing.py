@@ -26,7 +26,6 @@ from dubbing.media.sequences import sequence
 
 FLOATS = {"pcm_f32le": "<f4", "pcm_f32be": ">f4", "pcm_f64le": "<f8", "pcm_f64be": ">f8"}
 LOUDEST = 1e6  # 1 is full scale; the AAC encoder fails from about 1e10
-RESTARTS = 0x0200  # AVFMT_TS_DISCONT, a flag of containers; see `MediaInfo.zero`
 ATTACHED_PICTURE = av.stream.Disposition.attached_pic
 
 
@@ -118,7 +117,7 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
         audio_channels=sum(track.channels for track in heard) if heard else None,
         audio_duration=audio_duration,
         audio_start=audio_start,
-        zero=zero if container.format.flags & RESTARTS else None,
+        zero=zero,
         timecode=timecode,
         timecode_count=count,
         audio_tracks=tuple(tracks.index(track) for track in heard),
@@ -127,6 +126,7 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
         centre=_centre(heard),
         peak=packets.peak,
         late=late,
+        primed=container.format.name == AVI and any(_codec(path, t) == "aac" for t in heard),
     )
 
 

@@ -2,7 +2,8 @@
 
 Faces are found, learned and rendered in the display picture: RGB of 8 bits. Only what is changed
 there is changed in the film's values, by as much. What no display shows, such as highlights, stays
-where a pixel changes little. White of HDR, 203 cd/m2 (BT.2408), is white there. H x W pixels.
+where a pixel changes little; what becomes white beside them gets as bright. White of HDR, 203 cd/m2
+(BT.2408), is white there. H x W pixels.
 """
 
 from __future__ import annotations
@@ -25,6 +26,9 @@ SHORT = {"rec709": "g24_rec709_scene"}  # names that OpenColorIO does not have
 XYZ = "CIE XYZ-D65 - Display-referred"
 WHITE = 203 / 100  # of HDR, where OpenColorIO has 1 for 100 cd/m2
 FADE = 8  # power by which highlights fade as a pixel changes
+NEAR = 8.0  # px, standard deviation of how far what is newly bright follows the film's highlights
+LIGHTER = 0.01  # change from which on a pixel is newly bright
+BRIGHT = (0.78, 0.96)  # of the display: what follows highlights, not at all and in full
 
 
 @dataclass(frozen=True)
@@ -86,9 +90,39 @@ class FilmValues:
         inside = np.clip(shown, 0, 1)
         more = (after[differs].astype(np.float32) - before[differs]) / np.float32(STEPS)
         beyond = (shown - inside) * (1 - np.abs(more).max(-1, keepdims=True)) ** FADE
+        beyond = np.maximum(beyond, self._newly_bright(values, before, after)[differs])
         new = values.copy()
         new[differs] = self.of_display(np.clip(inside + more, 0, 1) + beyond)[0]
         return new
+
+    def _newly_bright(
+        self, values: np.ndarray, before: np.ndarray, after: np.ndarray
+    ) -> np.ndarray:
+        """What a display does not show of pixels (H, W, 3) that became as bright as others nearby.
+
+        As of a collar of 400 cd/m2 that comes out behind a jaw: its picture ends at white.
+        """
+        import cv2  # which plans do without
+
+        found = np.zeros(before.shape, np.float32)
+        if not (before == STEPS).any():
+            return found
+        lighter = (cv2.subtract(after, before) > STEPS * LIGHTER) & (after > STEPS * BRIGHT[0])
+        rows, columns = (np.flatnonzero(lighter.any((axis, 2))) for axis in (1, 0))
+        if not len(rows):
+            return found
+        reach = round(3 * NEAR)
+        part = tuple(slice(max(0, k[0] - reach), k[-1] + reach + 1) for k in (rows, columns))
+        white = (before[part] == STEPS).any(-1)
+        over = np.zeros((*white.shape, 4), np.float32)
+        shown = self.display(values[part][None, white])[0]
+        over[white] = np.pad(np.maximum(shown - 1, 0), ((0, 0), (0, 1)), constant_values=1)
+        over = cv2.GaussianBlur(over, (2 * reach + 1,) * 2, NEAR)
+        share = cv2.subtract(after[part], before[part]).max(-1) / (STEPS * LIGHTER)
+        bright = np.interp(after[part].min(-1), np.multiply(BRIGHT, STEPS), (0, 1))
+        share = (np.minimum(share, 1) * bright)[..., None]
+        found[part] = share * over[..., :3] / (over[..., 3:] + np.float32(1e-3))
+        return found
 
     @cached_property
     def _transforms(self) -> tuple[Any, ...]:

@@ -51,10 +51,11 @@ class MediaInfo:
         video_start, audio_start: seconds after the start of the file; 0 for most files.
         peak: the largest sample, 1 is full scale; 0 where samples are whole numbers, which have no
             larger ones.
-        zero: time stamp of the start of the file in seconds, where ffmpeg would count from the
-            first requested stream instead (MPEG-TS, MPEG-PS, Ogg); else None.
+        zero: time stamp of the start of the file in seconds.
         late: seconds after which ffmpeg's decoder gives the first frame of an AVI, which has no
             times of display. All of them are late by that.
+        primed: whether its sound may be late by the silence that an encoder begins with (AAC: from
+            21 ms on): an AVI does not say how much that is.
         timecode: of the first frame, as ``01:00:00:00``; '' where the file has none.
         timecode_count: timecodes a second, where they are not those of the frame rate: high rates
             often have half of them.
@@ -75,8 +76,9 @@ class MediaInfo:
     audio_channels: int | None
     audio_duration: float | None
     audio_start: float
-    zero: float | None = None
+    zero: float = 0.0
     late: float = 0.0
+    primed: bool = False
     timecode: str = ""
     timecode_count: int | None = None
     audio_tracks: tuple[int, ...] = (0,)

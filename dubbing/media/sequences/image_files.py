@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -77,12 +77,25 @@ def read_image(file: Path) -> Image:
     source.close()
     if stored is None or problem:
         raise MediaError("cannot be read", str(file), problem or "copy or render it again")
-    names = [name.rpartition(".")[2].upper() for name in header.channelnames]
-    if not {"R", "G", "B"} <= {*names}:
-        what = f"has the channels {', '.join(header.channelnames)}: no R, G and B"
-        raise MediaError(what, str(file), "give RGB")
+    colours = _colours(file, header.channelnames)
     stored = stored.reshape(header.height, header.width, header.nchannels)
-    return Image(file, stored, header, tuple(names.index(one) for one in "RGB"))
+    return Image(file, stored, header, colours)
+
+
+def _colours(file: Path, names: Sequence[str]) -> tuple[int, ...]:
+    """Channels of red, green and blue: of no layer, else of the only one that has them."""
+    layers: dict[str, dict[str, int]] = {}
+    for k, (layer, _, colour) in enumerate(name.rpartition(".") for name in names):
+        layers.setdefault(layer, {}).setdefault(colour.upper(), k)
+    having = {layer: own for layer, own in layers.items() if {*"RGB"} <= {*own}}
+    if not having:
+        what = f"has the channels {', '.join(names)}: no R, G and B"
+        raise MediaError(what, str(file), "give RGB, in the first part of a file of several")
+    if "" not in having and len(having) > 1:
+        what = f"has the layers {', '.join(having)}, and no R, G and B of its own"
+        raise MediaError(what, str(file), "give the film as R, G and B")
+    own = having.get("") or next(iter(having.values()))
+    return tuple(own[colour] for colour in "RGB")
 
 
 def write_image(

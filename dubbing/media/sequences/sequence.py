@@ -43,6 +43,11 @@ def probe(path: Path) -> MediaInfo:
         MediaError: none is there, some are missing, or one cannot be read; OpenColorIO does not
             know its colour space, or that must be named.
     """
+    sequence = numbered(path)
+    assert sequence is not None
+    if not sequence.files():
+        remedy = "its numbers are 0 or more, with digits alone"
+        raise MediaError("no such files", str(sequence.plain), remedy)
     return _probe(path)
 
 
@@ -51,8 +56,6 @@ def _probe(path: Path) -> MediaInfo:
     sequence = numbered(path)
     assert sequence is not None
     files, where = sequence.files(), str(sequence.plain)
-    if not files:
-        raise MediaError("no such files", where)
     if gaps := [(low + 1, high - 1) for low, high in pairwise(files) if high > low + 1]:
         named = ", ".join(f"{low}" if low == high else f"{low}-{high}" for low, high in gaps)
         raise MediaError(f"frames are missing: {named}", where, "render or copy them again")
@@ -108,6 +111,7 @@ def read_frames(path: Path, start: int, count: int | None, rate: Fraction) -> It
     assert sequence is not None
     files = [*sequence.files().values()]
     total = round(info.frames * rate / info.rate)
+    corner = _corner(header_of(files[0]))
     for k in range(start, total if count is None else min(total, start + count)):
         file = files[min(int(k * info.rate / rate + Fraction(1, 2)), info.frames - 1)]
         image = read_image(file)
@@ -115,7 +119,14 @@ def read_frames(path: Path, start: int, count: int | None, rate: Fraction) -> It
             size = f"{image.stored.shape[1]}x{image.stored.shape[0]} px"
             what = f"is {size}, not {info.width}x{info.height} as the first"
             raise MediaError(what, str(file), "give frames of one size")
+        if _corner(image.header) != corner:
+            what = f"has its data window at {_corner(image.header)}, the first at {corner}"
+            raise MediaError(what, str(file), "write it with one data window")
         yield info.values.picture(image.values())
+
+
+def _corner(header: Any) -> tuple[int, int]:
+    return header.x, header.y
 
 
 def _rate(header: Any, asked: str | None, where: str) -> Fraction:

@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
-from dubbing.errors import ExplainedError, ManifestError
+from dubbing.cli.main import app
+from dubbing.errors import ExplainedError, ManifestError, MediaError
 from dubbing.manifest.manifest import load
 from dubbing.media import probe, read_frames
 from dubbing.media.properties import film_values
@@ -148,3 +150,18 @@ def test_the_pictures_differ(folder: Path) -> None:
     clip = load(path).people["ann"].clips[0].path
     flat, shown = next(read_frames(folder / "log.mov")), next(read_frames(clip))
     assert np.abs(flat.astype(int) - shown).mean() > 20
+
+
+@pytest.mark.parametrize("call", [(), ("--source",)])
+def test_the_sync_of_camera_log_is_that_of_the_display_picture(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, call: tuple[str, ...]
+) -> None:
+    def seen(video: Path, **_: Any) -> None:
+        raise MediaError(probe(video).values.film, "seen")
+
+    monkeypatch.setattr("dubbing.sync.check.check", seen)
+    film = str(folder / "log.mov")
+    arguments = ["sync", film, *(one for option in call for one in (option, film))]
+    for colour, space in (("LogC4", "ARRI LogC4"), ("nope", "no such colour space")):
+        result = CliRunner().invoke(app, [*arguments, "--colour", colour])
+        assert space in str(result.exception)

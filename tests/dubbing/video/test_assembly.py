@@ -18,8 +18,9 @@ from dubbing.provenance.card import CreditsCard, default_text
 from dubbing.provenance.mark_key import marking
 from dubbing.video import composer
 from dubbing.video.assembly import make
-from dubbing.video.composer import Heads, read_frames, read_heads
+from dubbing.video.film import read_frames
 from dubbing.video.found_mark import found_before
+from dubbing.video.heads import Heads, read_heads
 from dubbing.video.settings import VideoSettings
 from tests import clips, fakes
 from tests.dubbing.video.scene import Scene, kept_of, quiet, recording
@@ -55,7 +56,7 @@ def test_long_backward_runs_are_read_in_pieces(
     scene: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
 
-    monkeypatch.setattr(composer, "BACKWARDS", 3)
+    monkeypatch.setattr("dubbing.video.film.BACKWARDS", 3)
     clip = PreparedClip.load(scene.prepared)
     poses = np.array([11, 10, 9, 8, 7, 6, 5, 4, 3, 2])
     seen = []

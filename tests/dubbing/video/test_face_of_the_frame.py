@@ -16,7 +16,7 @@ from dubbing.mixing.sound import Sound
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.script.timeline import Cue
 from dubbing.video.assembly import make
-from dubbing.video.composer import Heads, read_heads
+from dubbing.video.heads import Heads, read_heads
 from dubbing.video.settings import VideoSettings
 from tests import clips, fakes
 

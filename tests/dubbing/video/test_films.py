@@ -18,7 +18,7 @@ from dubbing.media import PixelFormat
 from dubbing.mixing.sound import Sound
 from dubbing.script.timeline import Cue
 from dubbing.video.assembly import make
-from dubbing.video.composer import Heads, read_heads
+from dubbing.video.heads import Heads, read_heads
 from dubbing.video.own_pixels import reasons, views
 from dubbing.video.settings import VideoSettings
 from tests import clips, fakes
@@ -68,6 +68,17 @@ FILMS = [
     Film("prores.mov", "-c:v prores_ks -profile:v hq", rate="24", timecode="01:00:00:00"),
     Film("prores4444.mov", PRORES4444),
     Film("dnxhr.mov", DNXHR, size=(256, 128)),
+    Film(
+        "rgb.mxf",
+        "-c:v dnxhd -profile:v dnxhr_444 -pix_fmt gbrp10le",
+        "ffv1",
+        "25",
+        (256, 128),
+        "01:00:00:00",
+    ),
+    Film("alpha.mov", "-vf format=yuva444p10le -c:v prores_ks -profile:v 4444"),
+    Film("ffv1_422_12.mkv", "-c:v ffv1 -pix_fmt yuv422p12le", rate="24000/1001"),
+    Film("cineform.mov", "-c:v cfhd -pix_fmt gbrp12le", size=(256, 128)),
     Film("ffv1_8.mkv", "-c:v ffv1 -pix_fmt yuv444p"),
     Film("ffv1_16.mkv", "-c:v ffv1 -pix_fmt yuv444p16le"),
     Film("ffv1_rgb16.mkv", "-c:v ffv1 -pix_fmt gbrp16le"),

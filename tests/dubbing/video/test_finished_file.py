@@ -21,8 +21,8 @@ from dubbing.preparation.prepared import PreparedClip
 from dubbing.script.timeline import Cue, Edit, frame_count
 from dubbing.video import assembly, composer
 from dubbing.video.assembly import make, verify
-from dubbing.video.composer import Heads, read_heads
 from dubbing.video.files import PICTURE_FILE
+from dubbing.video.heads import Heads, read_heads
 from dubbing.video.settings import VideoSettings
 from tests import clips, fakes
 from tests.dubbing.video.scene import Scene, kept_of, quiet, recording

@@ -17,8 +17,8 @@ from dubbing.media.properties.native import PixelFormat
 from dubbing.mixing.sound import Sound
 from dubbing.script.timeline import Cue
 from dubbing.video.assembly import make
-from dubbing.video.composer import Heads, read_heads
 from dubbing.video.files import PROXY_FILE
+from dubbing.video.heads import Heads, read_heads
 from dubbing.video.own_pixels import reasons, views
 from dubbing.video.settings import VideoSettings
 from tests import clips, fakes
@@ -112,6 +112,25 @@ def test_a_face_on_a_bright_patch_has_no_seam(tmp_path: Path, name: str) -> None
     assert shown.max() - shown.min() > 0.2
     steps = max(np.abs(np.diff(shown, axis=axis)).max() for axis in (0, 1))
     assert steps < 0.2  # from 1.98 to 1, where highlights end
+
+
+@pytest.mark.parametrize("name", COLOURS)
+def test_what_becomes_white_beside_a_highlight_is_as_bright(name: str) -> None:
+    """A collar comes out behind a jaw: its picture is white, the film's is five times as bright."""
+    colour, options = COLOURS[name]
+    values = FilmValues.of(options, colour.space)
+    shown = np.full((90, 160, 3), 0.4, np.float32)
+    shown[:, :40] = BRIGHT
+    film = values.of_display(shown)
+    before = values.picture(film)
+    after = before.copy()
+    after[10:30, 40:50] = 255  # the collar goes on
+    after[10:30, 50:60] = 90  # beside it is skin
+    after[10:30, 100:110] = 255  # a tooth, far from it
+    made = values.display(values.changed(film, before, after))[20]
+    assert np.abs(made[40:50] - BRIGHT).max() < 0.1
+    assert np.abs(made[50:60] - 90 / 255).max() < 0.01
+    assert np.abs(made[100:110] - 1).max() < 0.01
 
 
 def test_the_proxy_is_what_a_display_shows(tmp_path: Path) -> None:

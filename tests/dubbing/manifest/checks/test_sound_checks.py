@@ -47,6 +47,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     clips.ffmpeg("-i", film, "-i", tone_file, *both, *later, place / "later.mov")
     seen = ("-map", "0:v", "-map", "0:v", "-map", "1:a", "-c:v", "copy", "-c:a", "pcm_s16le")
     clips.ffmpeg("-i", film, "-i", tone_file, *seen, place / "angles.mov")
+    priming = ("-af", "asetpts=PTS+1024")  # else the picture begins later
+    clips.ffmpeg("-i", film, "-c:v", "mpeg4", "-c:a", "aac", *priming, place / "old.avi")
     (place / "it.srt").write_text(SRT)
     return place
 
@@ -78,6 +80,7 @@ CASES = [
     (SCENE + "half.wav", "film.mp4", ["nothing can be heard in the sound of lines 2: mouths"]),
     (WHOLE + "plain.wav", "two.mov", ["two.mov: tracks 1, 2 of 2 are heard as the channels"]),
     (WHOLE + "plain.wav", "angles.mov", ["angles.mov: of its 2 video tracks number 1 alone is"]),
+    (WHOLE + "plain.wav", "old.avi", ["old.avi: AAC in an AVI may be late by 20 to 50 ms"]),
     (WHOLE + "plain.wav", "later.mov", ["later.mov: of its 2 tracks of sound number 2 alone"]),
     (
         WHOLE + "long.wav",

@@ -146,6 +146,29 @@ def test_sound_that_begins_late_is_heard_where_it_belongs(tmp_path: Path, name: 
         assert at == pytest.approx(1.5 if path.name == "o.mkv" else 2.5, abs=0.01)
 
 
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("late_key.avi", "-c:v libx264 -bf 2 -c:a pcm_s16le"),
+        ("packets.avi", "-c:v mpeg4 -bf 2 -c:a libmp3lame"),
+        ("late_key.flv", "-c:v libx264 -bf 2 -c:a aac"),
+        ("gap.mp4", "-c:v libx264 -bf 2 -c:a aac -movflags frag_keyframe+empty_moov"),
+        ("plain.mkv", "-c:v libx264 -c:a aac"),
+    ],
+)
+def test_a_part_of_the_sound_is_that_of_the_whole(tmp_path: Path, name: str, options: str) -> None:
+    """Key frames of the picture come later than its sound, packets do not begin where asked."""
+    picture, path = clips.write_video(tmp_path / "v.mp4", 200), tmp_path / name
+    noise = clips.write_noise(tmp_path / "a.wav", 8, 44100)
+    clips.ffmpeg("-i", picture, "-i", noise, *options.split(), path)
+    whole = media.read_audio(path)
+    assert whole[:4000].std() > 0.5 * whole.std()
+    for start in (0.01, 0.5, 3.3, 5.7):
+        begin = round(16000 * start)
+        part, there = media.read_audio(path, start=start, seconds=1.0), whole[begin:][:16000]
+        assert abs(clips.lag(part, there)) <= 16, start  # 1 ms, as Matroska counts
+
+
 def test_no_sound_is_reported(tmp_path: Path) -> None:
     with pytest.raises(MediaError, match="no sound"):
         media.read_audio(clips.write_video(tmp_path / "v.mp4", 3))
