@@ -49,14 +49,16 @@ def people_jobs(
 ) -> dict[str, Job]:
     """The jobs of people by name, with the films of the dubs that they are in.
 
+    Of long clips and films those parts that are learned from and dubbed.
+
     Args:
         work: folder of the stages.
         device: auto, cpu or cuda.
     """
     made: dict[str, Job] = {}
     for person in people:
-        films = [person.clip_at(d.film.path) for d in dubs if d.cues and person in d.people]
-        made[person.name] = person_job(person, work, films, device)
+        films = [d.film_of(person) for d in dubs if d.cues and person in d.people]
+        made[person.name] = person_job(person.for_dubs(), work, films, device)
     return made
 
 
@@ -73,7 +75,7 @@ def person_job(
     checks = {clip: job.stage(CheckSource, clip.name) for clip in person.learned}
     learned = [LearnedClip(prepared(job, clip), check) for clip, check in checks.items()]
     model = job.add(Finetune.of(person, learned, device))
-    for clip in dict.fromkeys((person.clip, *films)):
+    for clip in dict.fromkeys(films or [person.clip]):
         job.add(RefinePoses.of(person, clip, prepared(job, clip), model, device), clip.name)
     return job
 
@@ -99,7 +101,7 @@ def dub_job(
         heads[cue.name] = job.add(render, cue.taken)
     video = job.add(Composite.of(dub, heads, on_film))
     first = dub.people[0]
-    source = people[first.name].stage(CheckSource, first.clip_at(dub.film.path).name)
+    source = people[first.name].stage(CheckSource, dub.film_of(first).name)
     job.add(Check.of(dub, video, source))
     if dub.signer:
         models = {name: person.model for name, person in on_film.items()}
@@ -128,8 +130,8 @@ def empty_job(dub: Dub, people: Mapping[str, Job], folder: Path) -> Job:
 
 def on_film_of(dub: Dub, person: Person, job: Job) -> PersonOnFilm:
     """The stages of a person that a dub reads."""
-    learned = tuple(prepared(job, clip) for clip in person.learned)
-    film = person.clip_at(dub.film.path)
+    learned = tuple(prepared(job, clip) for clip in person.for_dubs().learned)
+    film = dub.film_of(person)
     poses = job.stage(RefinePoses, film.name)
     return PersonOnFilm(prepared(job, film), poses, learned, job.stage(Finetune))
 

@@ -68,6 +68,7 @@ def write_prepared(
         clip=clip,
         rate=info.rate,
         frames_count=frames,
+        part=(0, frames),
         size=size,
         source_size=(info.width, info.height),
         focal=2.34 * size,

@@ -14,7 +14,7 @@ from dubbing.engine.running import task
 from dubbing.engine.running.executors import Program
 from dubbing.errors import ExplainedError
 from dubbing.manifest.manifest import load
-from dubbing.pipeline import PERSON, person_job
+from dubbing.pipeline import PERSON, people_jobs
 
 MODULE = "dubbing.batch.task"
 DRAFT = "draft"
@@ -43,7 +43,7 @@ def job_of(label: str, manifest: str, device: str, draft: str = "") -> Job:
     production = load(manifest, only=(name,))
     if kind == PERSON and name in production.people:
         person = production.people[name]
-        return person_job(person, production.work, person.clips, device)
+        return people_jobs([person], [*production.dubs.values()], production.work, device)[name]
     jobs = build(production, device=device, draft=draft == DRAFT)
     if label not in jobs.by_label:
         raise ExplainedError(f"the manifest has no {kind} {name}", manifest, "run it again")

@@ -167,7 +167,7 @@ def mattes(clip: PreparedClip, frames: np.ndarray) -> Iterator[np.ndarray]:
         return
     first, wanted = int(frames[0]), set(frames.tolist())
     file, count = clip.folder / MATTE, int(frames[-1]) - first + 1
-    for t, matte in enumerate(read_frames(file, start=first, count=count, pixels="gray"), first):
+    for t, matte in enumerate(clip.own_frames(file, first, count, "gray"), first):
         if t in wanted:
             yield matte
 

@@ -86,7 +86,9 @@ def find_covers(
     shows = clip.over.copy()
     shows[list(over)] = True
     with VideoWriter(out / COVERS_FILE, clip.size, clip.size, clip.rate, "ffv1-gray") as video:
-        for t, frame in enumerate(clip.film_frames() if shows.any() else ()):
+        first, stop = clip.part
+        frames = clip.film_frames(first, stop - first) if shows.any() else ()
+        for t, frame in enumerate(frames, first):
             mask = np.zeros((clip.size,) * 2, np.uint8) if frame.overlay is None else frame.overlay
             if t in over:
                 mask = np.maximum(mask, over[t].mask(frame.image, clip.landmarks[t]))

@@ -39,6 +39,7 @@ from dubbing.speech import features
 
 RESUME_FOLDER = "resume"
 PICTURES_FOLDER = "pictures"  # in it: what is learned from, so that a long clip needs no memory
+SOUND_BESIDE = 2.0  # s, heard before and after a part of a clip
 POSING = 0.25  # of the steps: then the model knows the head well enough to refine its poses
 
 
@@ -196,7 +197,8 @@ def learned_parts(footage: ClipFrames, frames: np.ndarray) -> list[tuple[float, 
 def clip_speech(
     clip: PreparedClip, speech: str, weights: Path | None = None, offset: int = 0
 ) -> SpeechFrames:
-    """Speech features of every frame of a clip, from its own audio.
+    """Speech features of every frame of a clip, from its own audio; of frames beside its part
+    those at its ends.
 
     Args:
         offset: frames by which the sound comes early: what belongs to frame i is heard at
@@ -213,9 +215,14 @@ def clip_speech(
             clip.clip.name,
             "use a clip of the person speaking, with its sound",
         )
-    heard, _ = features.features_of_file(clip.clip, features.features_by_name(speech, weights))
-    lips = lips_of_file(clip.clip)
-    middles = (np.arange(clip.frames_count) - offset + 0.5) / float(clip.rate)
+    kind, rate = features.features_by_name(speech, weights), float(clip.rate)
+    start, seconds = 0.0, None
+    if clip.part != (0, len(clip)):
+        start = max(0.0, clip.part[0] / rate - SOUND_BESIDE)
+        seconds = clip.part[1] / rate + SOUND_BESIDE - start
+    heard, _ = features.features_of_file(clip.clip, kind, start=start, seconds=seconds)
+    lips = lips_of_file(clip.clip, start=start, seconds=seconds)
+    middles = (np.arange(len(clip)) - offset + 0.5) / rate - start
     return at_moments(heard, lips, middles)
 
 

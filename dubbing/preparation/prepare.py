@@ -56,6 +56,7 @@ def prepare(
     *,
     size: int = 512,
     people: Sequence[Portrait] = (),
+    part: tuple[int, int] | None = None,
     progress: Progress | None = None,
 ) -> PreparedClip:
     """Track, matte and restore the background of a clip.
@@ -66,6 +67,7 @@ def prepare(
             prepared.json.
         size: largest side of the square crop in px; never more than the source's resolution.
         people: the person to prepare, then the others in the clip; see `survey`.
+        part: the only frames, first .. stop, that are prepared; all by default.
         progress: called with the name of the step and the share of all that is done.
 
     Raises:
@@ -77,15 +79,18 @@ def prepare(
     info = probe(clip)
     if info.picture is None:
         raise PreparationError("no picture in it", str(clip), "give a video file")
+    first, stop = part or (0, info.frames)
+    film, info = info, replace(info, frames=stop - first)
     make_folder(out)
     portraits = [[digest_of(person.clip), person.points] for person in people]
-    key = {"size": size, "people": json.loads(json.dumps(portraits))}
+    key = {"size": size, "people": json.loads(json.dumps(portraits)), "part": [first, stop]}
     steps = Steps(out / STEPS, clip, key, progress or (lambda step, share: None))
 
-    tracked = _track(steps, info, people, size, out / OVERLAY)
+    tracked = _track(steps, info, first, people, size, out / OVERLAY)
     images = _cut_out(steps, info, tracked, out)
     prepared = _record(clip, out, info, tracked)
     contact_sheet(prepared, *images, out / CONTACT_SHEET)
+    prepared = prepared.within(first, film.frames)
     prepared.save()
     shutil.rmtree(steps.folder)
     return prepared
@@ -108,14 +113,23 @@ class _Tracked:
 
 
 def _track(
-    steps: Steps, info: MediaInfo, people: Sequence[Portrait], most_px: int, overlay: Path
+    steps: Steps,
+    info: MediaInfo,
+    first: int,
+    people: Sequence[Portrait],
+    most_px: int,
+    overlay: Path,
 ) -> _Tracked:
-    """Landmarks and head poses; masks of things over the face are written to a file."""
-    surveyed = steps.run("faces", partial(tracking.survey_step, info, people))
+    """Landmarks and head poses; masks of things over the face are written to a file.
+
+    Args:
+        info: of the frames that are prepared. first: of them in the clip.
+    """
+    surveyed = steps.run("faces", partial(tracking.survey_step, info, first, people))
     # A small source keeps its own pixels: enlarging them costs time and adds nothing.
     size = min(most_px, int(surveyed["window"][:, 2].max()) // 8 * 8)
     masks = [steps.folder / name for name in (CROPS, PERSON, OPACITY)]
-    landmark_step = partial(tracking.landmark_step, info, size, surveyed, steps.folder)
+    landmark_step = partial(tracking.landmark_step, info, first, size, surveyed, steps.folder)
     detected = steps.run("landmarks", landmark_step, *masks)
     observed = tracking.observations(info, size, surveyed, detected)
     segment = surveyed["segment"]
@@ -191,6 +205,7 @@ def _record(clip: Path, out: Path, info: MediaInfo, tracked: _Tracked) -> Prepar
         clip=clip.resolve(),
         rate=info.rate,
         frames_count=info.frames,
+        part=(0, info.frames),
         size=tracked.size,
         source_size=(info.width, info.height),
         focal=observed.focal,

@@ -27,7 +27,7 @@ from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER, RIGID
 from dubbing.media import PixelFormat, Planes, probe, read_frames, read_planes
 from dubbing.preparation.file_names import SUMMARY
 
-VERSION = 10
+VERSION = 11
 HEAD_RADIUS = 1.7  # units (10 cm), the largest extent of a head from its origin
 TRACK, MATTE, BACKGROUND = "track.npz", "matte.mkv", "background.mkv"
 OVERLAY = "overlay.mkv"  # masks of all frames, if something lies over the face in any
@@ -47,6 +47,7 @@ class Summary(Version):
     clip: str
     rate: Fraction
     frames: int
+    part: tuple[int, int]
     size: int
     source_size: tuple[int, int]
     focal: float
@@ -105,6 +106,8 @@ class PreparedClip:
     Attributes:
         folder: where the files lie.
         clip: the source video. rate: frames a second. frames_count: T.
+        part: frames first .. stop were prepared. The others show no face, and only `whole_frames`
+            has them.
         size: S, side of the crop in px. source_size: (W, H) of the source in px.
         focal: px of the crop, the same in every frame.
         near, far: bounds of the head along the rays, in units of 10 cm.
@@ -134,6 +137,7 @@ class PreparedClip:
     clip: Path
     rate: Fraction
     frames_count: int
+    part: tuple[int, int]
     size: int
     source_size: tuple[int, int]
     focal: float
@@ -191,21 +195,42 @@ class PreparedClip:
             )
         clip = clip or Path(summary["clip"])
         named = {name: summary[name] for name in FIELDS}
-        return PreparedClip(folder, clip, summary["rate"], summary["frames"], **named, **arrays)
+        first, stop = summary["part"]
+        count, rate = stop - first, summary["rate"]
+        own = PreparedClip(folder, clip, rate, count, (0, count), **named, **arrays)
+        return own.within(first, summary["frames"])
 
     def save(self) -> None:
         """Write the track, then the summary: a folder with a summary is complete."""
         with atomic_path(self.folder / TRACK) as temporary:
-            arrays = {name: getattr(self, name) for name in ARRAYS}
+            own = slice(*self.part)
+            arrays = {n: getattr(self, n)[own] for n in ARRAYS} | {"shape": self.shape}
+            arrays["segment"] = arrays["segment"] - arrays["segment"][0]
             np.savez_compressed(temporary, allow_pickle=False, **arrays)
         summary: dict[str, Any] = {
             "version": VERSION,
             "clip": str(self.clip),
             "rate": str(self.rate),
             "frames": self.frames_count,
+            "part": self.part,
             **{name: getattr(self, name) for name in FIELDS},
         }
         atomic_write_json(self.folder / SUMMARY, summary)
+
+    def within(self, first: int, frames: int) -> PreparedClip:
+        """The same as a part of a clip of so many frames; each side of it is a shot of its own.
+
+        Args:
+            first: frame of the clip at which it begins.
+        """
+        every, stop = np.arange(frames), first + len(self)
+        inside, own = (every >= first) & (every < stop), np.clip(every - first, 0, len(self) - 1)
+        wider: dict[str, Any] = {}
+        for name in (name for name in ARRAYS if name != "shape"):
+            values = getattr(self, name)[own]
+            wider[name] = values & inside if values.dtype == bool else values
+        wider["segment"] += ((every >= first) & (first > 0)).astype(int) + (every >= stop)
+        return replace(self, frames_count=frames, part=(first, stop), **wider)
 
     def c2w(self) -> np.ndarray:
         """Camera-to-world (T, 3, 4) float64 in the head frame, OpenGL axes in both.
@@ -273,12 +298,12 @@ class PreparedClip:
         from dubbing.preparation.tracking import cropping
 
         images = self.whole_frames(start, count)
-        mattes = read_frames(self.folder / MATTE, start=start, count=count, pixels="gray")
-        fills = read_frames(self.folder / BACKGROUND, start=start, count=count)
+        mattes = self.own_frames(self.folder / MATTE, start, count, "gray")
+        fills = self.own_frames(self.folder / BACKGROUND, start, count)
         overlays: Iterable[np.ndarray | None] = itertools.repeat(None)
         if self.over[start:].any():
             masks = self.overlay or self.folder / OVERLAY
-            overlays = read_frames(masks, start=start, count=count, pixels="gray")
+            overlays = self.own_frames(masks, start, count, "gray")
         motions = self.motions(start, count)
         for index, (whole, matte, fill, overlay) in enumerate(
             zip(images, mattes, fills, overlays, strict=False), start
@@ -296,6 +321,19 @@ class PreparedClip:
                 whole,
                 None if self.jaw is None else self.jaw[index],
             )
+
+    def own_frames(
+        self, file: Path, start: int, count: int | None, pixels: str = "rgb24"
+    ) -> Iterator[np.ndarray]:
+        """Frames of a file that holds those of the part alone; the others are black."""
+        first, stop = self.part
+        end = len(self) if count is None else min(start + count, len(self))
+        low, high = (min(max(at, first), stop) for at in (start, end))
+        blank = np.zeros((self.size,) * 2 + (3,) * (pixels == "rgb24"), np.uint8)
+        yield from itertools.repeat(blank, min(first, end) - min(start, first))
+        if low < high:
+            yield from read_frames(file, start=low - first, count=high - low, pixels=pixels)
+        yield from itertools.repeat(blank, max(stop, end) - max(start, stop))
 
     def motions(self, start: int, count: int | None = None) -> np.ndarray:
         """How far the head moves in each of some frames, (F, 2) px of the crop."""
@@ -320,5 +358,7 @@ class PreparedClip:
 
 
 # Fields that a summary holds under their names, and arrays of the track.
-FIELDS = [n for n in Summary.__annotations__ if n not in ("version", "clip", "rate", "frames")]
+FIELDS = [
+    n for n in Summary.__annotations__ if n not in ("version", "clip", "rate", "frames", "part")
+]
 ARRAYS = [field.name for field in fields(PreparedClip) if field.type == "np.ndarray"]

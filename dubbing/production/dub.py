@@ -12,7 +12,7 @@ from dubbing.engine.disk.files import LONGEST_NAME
 from dubbing.errors import ExplainedError
 from dubbing.media import SUFFIX, MediaInfo
 from dubbing.mixing.sound import Sound
-from dubbing.production.clip import Clip
+from dubbing.production.clip import Clip, PersonClip
 from dubbing.production.person import Person
 from dubbing.provenance.mark_key import Marking, marking
 from dubbing.provenance.signer import Signer
@@ -84,6 +84,17 @@ class Dub:
     def person(self, cue: Cue) -> Person:
         """Who speaks a cue."""
         return next(person for person in self.people if person.name == cue.identity)
+
+    def film_of(self, person: Person) -> PersonClip:
+        """The film as it is prepared for a person: the part with their cues, if it is long."""
+        whole = person.clip_at(self.film.path)
+        cues = [cue for cue in self.cues if cue.identity == person.name]
+        if not cues or self.first + self.length > whole.frames:
+            return person.named(whole)
+        rate = float(whole.rate)
+        first, stop = min(cue.first for cue in cues), max(cue.stop for cue in cues)
+        part = whole.part_with((self.first + first) / rate, (self.first + stop) / rate)
+        return person.named(part)
 
     def timecode(self, frame: int) -> str:
         """Timecode of a frame of the dub, on the clock of the film."""

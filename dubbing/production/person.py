@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ from dubbing.identity.finetune_settings import FinetuneSettings
 from dubbing.production.clip import Clip, PersonClip
 
 FULL_SIZE = 512  # px of a head crop whose work counts as one
+MOST_OF_NAME = 200  # bytes of a clip's name in that of its part
 
 
 @dataclass(frozen=True)
@@ -73,6 +74,22 @@ class Person:
     def clip_at(self, path: Path) -> PersonClip:
         """The clip of this person that is a certain file."""
         return next(clip for clip in (*self.learned, *self.clips) if clip.path == path)
+
+    def for_dubs(self) -> Person:
+        """The same, learned from parts of clips that are long; the best seconds are of all."""
+        if (start := self.start) is None:
+            return self
+        parts = tuple(clip.part_with(start, start + self.seconds) for clip in self.learned)
+        return replace(self, learned=parts)
+
+    def named(self, film: PersonClip) -> PersonClip:
+        """A film under which is dubbed, with a name that no other part of the file has."""
+        learned = [clip for clip in self.for_dubs().learned if clip.path == film.path]
+        if film in learned or (film.part is None and not learned):
+            return film
+        first, stop = film.part or (0, film.frames)
+        stem = (film.name or film.path.stem).encode()[:MOST_OF_NAME].decode(errors="ignore")
+        return replace(film, name=f"{stem}@{first}-{stop}")
 
     @property
     def learned_frames(self) -> float:

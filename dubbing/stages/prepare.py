@@ -25,12 +25,14 @@ class Prepare(DubbingStage):
     Attributes:
         size: side of the head crop, px.
         people: the person, then the others in the clip.
+        part: the only frames, first .. stop, that are prepared; None for all.
         crops: amount of work: frames, each as a share of a full head crop.
     """
 
     clip: Path
     size: int
     people: tuple[Portrait, ...]
+    part: tuple[int, int] | None = None
     weights: Mapping[str, Path]
     crops: Setting[float]
 
@@ -43,14 +45,22 @@ class Prepare(DubbingStage):
             clip=clip.path,
             size=person.size,
             people=clip.portraits,
+            part=clip.part,
             weights={**FACE_WEIGHTS, **PERSON_WEIGHTS},
-            crops=clip.frames * person.crops(clip),
+            crops=clip.used_frames * person.crops(clip),
         )
 
     def run(self, out: Path, progress: Progress) -> None:
         from dubbing.preparation.prepare import prepare
 
-        prepare(self.clip, out, size=self.size, people=self.people, progress=progress)
+        prepare(
+            self.clip,
+            out,
+            size=self.size,
+            people=self.people,
+            part=self.part,
+            progress=progress,
+        )
 
     def amount(self) -> float:
         return self.crops

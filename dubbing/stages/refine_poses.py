@@ -43,7 +43,7 @@ class RefinePoses(DubbingStage):
             model=model,
             prepared=prepared,
             weights=HAND_WEIGHTS,
-            crops=clip.frames * person.crops(clip),
+            crops=clip.used_frames * person.crops(clip),
             device=device,
         )
 

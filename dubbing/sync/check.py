@@ -115,6 +115,7 @@ def check(
         network.face.numpy(),
         sound_from=sound_from,
         leave_out=leave_out,
+        span=None if parts is None else (min(a for a, _ in parts), max(b for _, b in parts)),
         progress=progress,
         pieces=pieces,
     ):

@@ -8,6 +8,7 @@ Letters: F frames of a block, M mouth points, R rows and C columns of a crop, T 
 """
 
 import math
+from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -159,6 +160,7 @@ def measure(
     *,
     sound_from: Path | None = None,
     leave_out: int = 0,
+    span: tuple[int, int] | None = None,
     progress: ReportShare | None = None,
     pieces: Pieces | None = None,
 ) -> Iterator[Block]:
@@ -169,6 +171,7 @@ def measure(
         face: canonical face (K, 3) that meshes are aligned to (`SyncNetwork.face`).
         sound_from: another file to take the sound from, starting together.
         leave_out: frames at the end whose picture and sound are ignored.
+        span: frames first .. stop; blocks that hold none of them are left out. All by default.
         progress: called with the share done, 0..1.
         pieces: see `check`.
 
@@ -182,7 +185,12 @@ def measure(
     channels = SoundChannels()
     first = 0
     tracker = FaceTracker(float(rate))
+    begin, stop = span or (0, total)
     for length in block_lengths(total, rate):
+        if first + length <= begin or first >= stop:
+            deque(islice(images, length), 0)  # no image is decoded that is not asked for
+            first += length
+            continue
         frames: dict[int, _FaceFrames] = {}
         known, found = KeptFaces(), KeptFaces()
         kept = f"faces/{first:06d}.npz"
@@ -205,7 +213,7 @@ def measure(
                     found.mouths[mouth] = crop
                     frames[detected.track].add(k, detected.points, crop, face)
                 if progress is not None:
-                    progress((first + k + 1) / total)
+                    progress(min(1.0, (first + k + 1 - begin) / (stop - begin)))
         if pieces is not None:
             found.write(pieces.out / kept)
         faces = {track: f.block_face(info.width, info.height) for track, f in frames.items()}

@@ -4,8 +4,7 @@ Every fifth frame is searched for faces; boxes are (x0, y0, x1, y1) in px of the
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -60,10 +59,13 @@ class Survey:
     other: np.ndarray
 
 
-def survey(info: MediaInfo, progress: ReportShare, people: Sequence[Portrait] = ()) -> Survey:
-    """Search a clip for cuts and faces, and choose the face to follow.
+def survey(
+    info: MediaInfo, progress: ReportShare, people: Sequence[Portrait] = (), first: int = 0
+) -> Survey:
+    """Search a clip, or a part of it, for cuts and faces, and choose the face to follow.
 
     Args:
+        info: of the frames that are searched. first: of them in the clip.
         people: the person, then the others in the clip; without any, the largest face of every
             shot is followed.
 
@@ -77,7 +79,7 @@ def survey(info: MediaInfo, progress: ReportShare, people: Sequence[Portrait] = 
     waiting: list[tuple[int, np.ndarray]] = []
     before: np.ndarray | None = None
     mesh = FaceMesh(tracking=False, faces=MOST_FACES)
-    for frame, image in enumerate(read_frames(info.path)):
+    for frame, image in enumerate(read_frames(info.path, start=first, count=info.frames)):
         small = thumbnail(image)
         if before is not None:
             difference[frame] = np.abs(small - before).mean()
@@ -94,7 +96,7 @@ def survey(info: MediaInfo, progress: ReportShare, people: Sequence[Portrait] = 
             waiting = []
         progress((frame + 1) / info.frames)
     if sum(map(bool, sightings)) < LEAST_SHARE * len(sightings):
-        sightings = search_tiles(info.path, info.frames, progress)
+        sightings = search_tiles(info, first, progress)
     if not any(sightings):
         raise PreparationError(
             "no face found in any frame",
@@ -105,7 +107,7 @@ def survey(info: MediaInfo, progress: ReportShare, people: Sequence[Portrait] = 
     cuts = find_cuts(difference, lit)
     segment = segments(info.frames, np.union1d(cuts, [d.middle for d in dissolves]).astype(int))
     try:
-        known = [person_of(portrait, info) for portrait in people]
+        known = [person_of(portrait, info, first) for portrait in people]
         face = follow(sightings, segment, known)
     except LookupError as error:
         raise PreparationError(
@@ -135,17 +137,19 @@ def other_face(sightings: list[list[Sighting]], box: np.ndarray) -> np.ndarray:
     return np.array([largest.frame, *largest.middle])
 
 
-def person_of(portrait: Portrait, info: MediaInfo) -> Person:
-    """The person of a portrait, as a clip is searched for them.
+def person_of(portrait: Portrait, info: MediaInfo, first: int = 0) -> Person:
+    """The person of a portrait, as a clip, or the part of it from a frame on, is searched for them.
 
     Raises:
         LookupError: no face at a point of the portrait, or none in it.
     """
+    whole = probe(portrait.clip)
+    rows = places(portrait, whole)
     if portrait.clip == info.path:
-        return Person(places(portrait, info))
-    info = probe(portrait.clip)
-    rows = places(portrait, info)
-    spread = np.linspace(0, info.frames - 1, PORTRAIT_FRAMES).round().astype(int)
+        here = tuple(replace(row, frame=row.frame - first) for row in rows)
+        if all(0 <= row.frame < info.frames for row in here):
+            return Person(here)
+    spread = np.linspace(0, whole.frames - 1, PORTRAIT_FRAMES).round().astype(int)
     frames = [place.frame for place in rows] or np.unique(spread).tolist()
     track: list[Sighting] = []
     mesh = FaceMesh(tracking=False, faces=MOST_FACES)
@@ -188,18 +192,18 @@ def sightings_of(
     ]
 
 
-def search_tiles(path: Path, frames: int, progress: ReportShare) -> list[list[Sighting]]:
+def search_tiles(info: MediaInfo, first: int, progress: ReportShare) -> list[list[Sighting]]:
     """Search enlarged, overlapping parts of the frames: the detector misses small faces."""
     out = []
     mesh = FaceMesh(tracking=False, faces=MOST_FACES)
-    for frame, image in enumerate(read_frames(path)):
+    for frame, image in enumerate(read_frames(info.path, start=first, count=info.frames)):
         if frame % STRIDE == 0:
             faces: list[Sighting] = []
             for tile, corner in tiles(image):
                 larger = cv2.resize(tile, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
                 faces += sightings_of(mesh(larger), larger, frame, corner, 2)
             out.append(without_doubles(faces))
-        progress((frame + 1) / frames)
+        progress((frame + 1) / info.frames)
     return out
 
 

@@ -54,9 +54,11 @@ FRAMES_A_TERM = 25  # least number of frames for each term of a regression
 Arrays = dict[str, np.ndarray]
 
 
-def survey_step(info: MediaInfo, people: Sequence[Portrait], progress: ReportShare) -> Arrays:
+def survey_step(
+    info: MediaInfo, first: int, people: Sequence[Portrait], progress: ReportShare
+) -> Arrays:
     """Cuts, the followed face's boxes and the crop windows; see :mod:`survey`."""
-    result: Survey = survey(info, progress, people)
+    result: Survey = survey(info, progress, people, first)
     window = choose_windows(result.box, result.segment, (info.width, info.height), float(info.rate))
     return {
         "segment": result.segment,
@@ -72,9 +74,12 @@ def survey_step(info: MediaInfo, people: Sequence[Portrait], progress: ReportSha
 
 
 def landmark_step(
-    info: MediaInfo, size: int, surveyed: Arrays, folder: Path, progress: ReportShare
+    info: MediaInfo, first: int, size: int, surveyed: Arrays, folder: Path, progress: ReportShare
 ) -> Arrays:
     """Landmarks of every frame in px of its crop; also writes the crops, and the masks of `People`.
+
+    Args:
+        info: of the frames. first: of them in the clip.
 
     Returns:
         points (T, 478, 3), apart (T,) px between the two modes, valid (T,) bool; middle and top
@@ -90,7 +95,7 @@ def landmark_step(
     meter = NoiseMeter(segment, window)
 
     def cropped() -> Iterator[tuple[list[int]]]:
-        images = enumerate(read_frames(info.path))
+        images = enumerate(read_frames(info.path, start=first, count=info.frames))
         while batch := list(islice(images, BATCH)):
             for t, image in batch:
                 crops[t] = crop(image, window[t], size)
@@ -117,7 +122,7 @@ def landmark_step(
     valid &= ~strays(points, valid, segment)
     people, outlines = People(folder, crops), []
     seen = [p if there else None for p, there in zip(points, valid, strict=True)]
-    parts = ((first, seen[first : first + BATCH]) for first in range(0, info.frames, BATCH))
+    parts = ((k, seen[k : k + BATCH]) for k in range(0, info.frames, BATCH))
     for some in in_order(people.look, parts):
         outlines.append(some)
         progress(FOLLOWED + (1 - FOLLOWED) * len(outlines) * BATCH / info.frames)

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dubbing.errors import MediaError, PreparationError
-from dubbing.media import VideoWriter
+from dubbing.media import VideoWriter, read_frames
 from dubbing.preparation.prepare import prepare
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.preparation.tracking import tracking
@@ -92,6 +92,29 @@ def test_a_run_killed_between_any_two_steps_ends_the_same(
     assert sorted(path.name for path in tmp_path.iterdir()) == names
     for name in names:
         assert (tmp_path / name).read_bytes() == (prepared.folder / name).read_bytes(), name
+
+
+def test_a_part_is_prepared_as_a_clip_of_its_own_is(
+    speaker: tuple[Path, SpeakerTruth], tmp_path: Path
+) -> None:
+    """And a clip that was cut there holds the same pictures."""
+    first, stop = 6, 18
+    with VideoWriter(tmp_path / "cut.mkv", SIZE, SIZE, Fraction(25), "ffv1") as video:
+        for image in read_frames(speaker[0], start=first, count=stop - first):
+            video.write(image)
+    part = prepare(speaker[0], tmp_path / "part", size=SIZE, part=(first, stop))
+    cut = prepare(tmp_path / "cut.mkv", tmp_path / "cut", size=SIZE)
+    assert len(part) == 20
+    assert part.part == (first, stop)
+    own = np.arange(20)[first:stop]
+    assert np.array_equal(part.valid, np.isin(np.arange(20), own))
+    for name in ("rotation", "translation", "landmarks", "crop", "haze"):
+        assert np.array_equal(getattr(part, name)[own], getattr(cut, name)), name
+    assert [*np.flatnonzero(np.diff(part.segment))] == [first - 1, stop - 1]
+    loaded = PreparedClip.load(tmp_path / "part")
+    for frame, other in zip(loaded.film_frames(first, 12), cut.film_frames(), strict=True):
+        assert np.array_equal(frame.matte, other.matte)
+        assert np.array_equal(frame.background, other.background)
 
 
 def test_a_clip_without_a_face_gives_a_remedy(tmp_path: Path) -> None:

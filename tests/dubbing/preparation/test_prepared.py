@@ -11,7 +11,14 @@ from dubbing.errors import PreparationError
 from dubbing.media import VideoWriter, read_frames
 from dubbing.preparation.alignment.camera import rotation_from_vector
 from dubbing.preparation.matting.matting import inpaint_mask
-from dubbing.preparation.prepared import BACKGROUND, MATTE, OVERLAY, VERSION, PreparedClip
+from dubbing.preparation.prepared import (
+    ARRAYS,
+    BACKGROUND,
+    MATTE,
+    OVERLAY,
+    VERSION,
+    PreparedClip,
+)
 
 FRAMES, SIZE = 6, 64
 
@@ -40,6 +47,7 @@ def prepared(tmp_path: Path) -> PreparedClip:
         clip=clip,
         rate=rate,
         frames_count=FRAMES,
+        part=(0, FRAMES),
         size=SIZE,
         source_size=(96, 80),
         focal=150.0,
@@ -102,6 +110,28 @@ def test_frames_stream_from_anywhere_and_keep_the_picture_outside_the_hole(
             assert not inside.all()
             assert np.array_equal(background[~inside], image[~inside])
             assert (background[inside] == 10 * k).all()
+
+
+def test_a_part_is_read_where_it_lies_in_the_clip(prepared: PreparedClip) -> None:
+    """Its files hold its frames alone; beside it the clip shows no face."""
+    whole = list(read_frames(prepared.clip))
+    part = replace(prepared, frames_count=FRAMES - 3, part=(0, FRAMES - 3))
+    arrays = {name: getattr(part, name)[: FRAMES - 3] for name in ARRAYS if name != "shape"}
+    replace(part, **arrays).within(2, FRAMES).save()
+    loaded = PreparedClip.load(prepared.folder)
+    assert len(loaded) == FRAMES
+    assert loaded.part == (2, FRAMES - 1)
+    assert loaded.valid.tolist() == [False] * 2 + [True] * (FRAMES - 3) + [False]
+    assert loaded.segment.tolist() == [0] * 2 + [1] * (FRAMES - 3) + [2]
+    for start, count in ((0, None), (1, 2), (FRAMES - 2, 2), (FRAMES - 1, 1)):
+        read = list(loaded.film_frames(start, count))
+        assert len(read) == (count or FRAMES)
+        for k, frame in enumerate(read, start):
+            assert np.array_equal(frame.whole, whole[k])
+            inside = 2 <= k < FRAMES - 1
+            assert frame.matte.any() == inside
+            assert (frame.fill == (10 * (k - 2) if inside else 0)).all()
+            assert (frame.overlay is not None) == (k == 3)
 
 
 def test_an_overlay_is_read_where_something_lies_over_the_face(prepared: PreparedClip) -> None:

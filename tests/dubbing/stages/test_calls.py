@@ -54,7 +54,7 @@ def test_prepare(clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     work = create_autospec(preparing.prepare)
     monkeypatch.setattr(preparing, "prepare", work)
     Prepare(clip=clip, size=512, people=(), weights={}, crops=30).run(tmp_path, quiet)
-    work.assert_called_once_with(clip, tmp_path, size=512, people=(), progress=quiet)
+    work.assert_called_once_with(clip, tmp_path, size=512, people=(), part=None, progress=quiet)
 
 
 def test_finetune(clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

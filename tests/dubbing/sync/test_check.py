@@ -13,6 +13,7 @@ from dubbing.engine.disk.pieces import Pieces
 from dubbing.errors import MediaError
 from dubbing.face.finding.face_finder import FaceFinder
 from dubbing.media import VideoWriter
+from dubbing.media.reading.late_frames import Reader
 from dubbing.provenance.card import draw
 from dubbing.sync import measure
 from dubbing.sync.check import check
@@ -200,6 +201,23 @@ def test_parts_are_judged_by_themselves(speaker: Speaker, sound_file: Write) -> 
     assert short.verdict == "unjudged"
     assert "only 0.1 s long" in short.reason
     assert result.media.picture_seconds == 3.2
+
+
+def test_blocks_beside_the_parts_are_not_looked_at(
+    speaker: Speaker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(measure, "BLOCK_SECONDS", 1.0)
+    read: list[int] = []
+
+    def noting(self: Reader, number: int) -> np.ndarray:
+        read.append(number)
+        return one(self, number)
+
+    one = Reader.read
+    monkeypatch.setattr(Reader, "read", noting)
+    result = check(speaker.clip, parts=[(25, 100)])
+    assert {*read} == {*range(25, 100)}
+    assert result.offset_frames == 0
 
 
 def test_voices_are_listened_to_when_they_are_heard(speaker: Speaker, sound_file: Write) -> None:

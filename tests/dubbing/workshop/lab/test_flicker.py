@@ -27,6 +27,7 @@ def clip(tmp_path: Path) -> PreparedClip:
         clip=tmp_path / "clip.mp4",
         rate=Fraction(25),
         frames_count=FRAMES,
+        part=(0, FRAMES),
         size=SIZE,
         source_size=(SIZE, SIZE),
         focal=FOCAL,
