@@ -44,6 +44,9 @@ def resolved(
         if place in findings.dubs
     }
     names = frozenset(dub.name for dub in dubs.values())
+    if made:
+        for person in people.values():
+            findings.warnings += person.learned_minutes()
     return Production(path, output, people, made, names, tuple(findings.warnings))
 
 

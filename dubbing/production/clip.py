@@ -70,6 +70,12 @@ class PersonClip(Clip):
         """Number of the frames that are prepared."""
         return self.frames if self.part is None else self.part[1] - self.part[0]
 
+    @property
+    def used_seconds(self) -> tuple[int, int]:
+        """From which second to which it is prepared; the end of the clip is rounded up."""
+        first, stop = self.part or (0, self.frames)
+        return round(first / self.rate), math.ceil(stop / self.rate)
+
     def part_with(self, start: float, end: float) -> PersonClip:
         """The part with these seconds, of whole minutes; all of a clip of less than two."""
         if self.info is None or self.frames < 2 * PART_SECONDS * self.rate:

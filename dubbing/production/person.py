@@ -82,14 +82,24 @@ class Person:
         parts = tuple(clip.part_with(start, start + self.seconds) for clip in self.learned)
         return replace(self, learned=parts)
 
+    def learned_minutes(self) -> list[str]:
+        """What of a long clip is learned from for dubs, in words."""
+        return [
+            f"identities.{self.name}: of {clip.path.name} learned from {first // 60}:00 to "
+            f"{-(-stop // 60)}:00 alone, turned heads included; `start` chooses other minutes"
+            for clip in self.for_dubs().learned
+            if clip.part is not None
+            for first, stop in [clip.used_seconds]
+        ]
+
     def named(self, film: PersonClip) -> PersonClip:
         """A film under which is dubbed, with a name that no other part of the file has."""
         learned = [clip for clip in self.for_dubs().learned if clip.path == film.path]
         if film in learned or (film.part is None and not learned):
             return film
-        first, stop = film.part or (0, film.frames)
+        first, stop = film.used_seconds
         stem = (film.name or film.path.stem).encode()[:MOST_OF_NAME].decode(errors="ignore")
-        return replace(film, name=f"{stem}@{first}-{stop}")
+        return replace(film, name=f"{stem}@{first}-{stop}s")
 
     @property
     def learned_frames(self) -> float:

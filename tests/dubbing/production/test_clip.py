@@ -95,7 +95,7 @@ def test_a_dub_waits_for_the_minutes_that_are_learned_and_those_under_it(
     job = people["ann"]
     assert {s.id.of: s.part for s in job.all_of(Prepare)} == {
         "": (0, MINUTE),
-        "film@7500-9000": (5 * MINUTE, 6 * MINUTE),
+        "film@300-360s": (5 * MINUTE, 6 * MINUTE),
     }
     assert {s.id.of: s.part for s in job.all_of(CheckSource)} == {
         s.id.of: s.part for s in job.all_of(Prepare)
@@ -125,6 +125,14 @@ def test_a_dub_that_goes_on_beyond_the_film_has_all_of_it_beside_what_is_learned
     assert film.part is None
     assert film.name != ann.for_dubs().clip.name
     assert film.used_frames == 10 * MINUTE
+
+
+def test_what_is_learned_of_a_long_clip_is_said(ann: Person) -> None:
+    assert ann.learned_minutes() == [
+        "identities.ann: of film.mp4 learned from 0:00 to 1:00 alone, turned heads included; "
+        "`start` chooses other minutes"
+    ]
+    assert replace(ann, start=None).learned_minutes() == []
 
 
 def test_the_best_seconds_are_looked_for_everywhere(ann: Person) -> None:
