@@ -23,6 +23,7 @@ UPPER_RIM, LOWER_RIM = [36, 35, 34], [24, 25, 26]  # of these, the middle of the
 MOUTHS = 64  # crops of a person; 24 lost texture where a head turns
 VIEWS = 4  # crops that a point reads
 TURN = 0.15  # rad that count as much as the mean difference of the lips of two frames
+WIDE = 0.75  # of the root mean square turn of a person's crops, which counts so where it is more
 GAP = 3.0  # weight of the gap: a small part of lip motion, but the most visible
 FADE = 2  # power by which a view's weight falls with its distance
 NEAREST = 4  # power of the weight: a mean of four kinds of teeth shows none
@@ -116,6 +117,16 @@ def fit_reading(
     return torch.cat([weights, (target.mean(0) - inputs.mean(0) @ weights)[None]]).float()
 
 
+def turn(viewpoints: Float[Tensor, "P 3"]) -> Float[Tensor, ""]:
+    """Turn that counts as much as the mean difference of lips, rad.
+
+    Of a head that turns far there are few crops for each pose, and none of them may show the lips.
+    """
+    middle = F.normalize(viewpoints.mean(0), dim=0)
+    spread = (viewpoints - middle).square().sum(-1).mean().sqrt()
+    return (WIDE * spread).clamp_min(TURN)
+
+
 def gaussians(points: Float[Tensor, "M 2"], at: Float[Tensor, "Q 2"]) -> Float[Tensor, "M Q"]:
     """Gaussians round the points `at`, evaluated at `points`."""
     return torch.exp(-0.5 * (torch.cdist(points, at) / KERNEL) ** 2)
@@ -159,7 +170,7 @@ def nearest(
     traits = lip_traits(torch.cat([mouths.lips, wanted[None]]), mouths.lips)
     of_lips = (traits[:-1] - traits[-1]).square().sum(-1)
     viewpoints = F.normalize(views.c2w[:, :, 3], dim=-1)
-    turned = (viewpoints - F.normalize(origin, dim=0)).square().sum(-1) / TURN**2
+    turned = (viewpoints - F.normalize(origin, dim=0)).square().sum(-1) / turn(viewpoints) ** 2
     apart = (of_lips + turned).sqrt()
     if training_frame is not None:
         beside = (mouths.frames - training_frame).abs() <= NEIGHBOURS

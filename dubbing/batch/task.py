@@ -40,10 +40,11 @@ def job_of(label: str, manifest: str, device: str, draft: str = "") -> Job:
         ExplainedError: the manifest is wrong, or has no such job.
     """
     kind, name = label.split("/", 1)
-    production = load(manifest, only=(name,))
+    # What is prepared of the clips of a person, all dubs say.
+    production = load(manifest, only=() if kind == PERSON else (name,))
     if kind == PERSON and name in production.people:
-        person = production.people[name]
-        return people_jobs([person], [*production.dubs.values()], production.work, device)[name]
+        people, dubs = [production.people[name]], [*production.dubs.values()]
+        return people_jobs(people, dubs, production.work, device)[name]
     jobs = build(production, device=device, draft=draft == DRAFT)
     if label not in jobs.by_label:
         raise ExplainedError(f"the manifest has no {kind} {name}", manifest, "run it again")

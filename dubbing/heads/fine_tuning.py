@@ -217,12 +217,12 @@ def clip_speech(
         )
     kind, rate = features.features_by_name(speech, weights), float(clip.rate)
     start, seconds = 0.0, None
-    if clip.part != (0, len(clip)):
+    if clip.part != (0, clip.frames_count):
         start = max(0.0, clip.part[0] / rate - SOUND_BESIDE)
         seconds = clip.part[1] / rate + SOUND_BESIDE - start
     heard, _ = features.features_of_file(clip.clip, kind, start=start, seconds=seconds)
     lips = lips_of_file(clip.clip, start=start, seconds=seconds)
-    middles = (np.arange(len(clip)) - offset + 0.5) / rate - start
+    middles = (np.arange(clip.frames_count) - offset + 0.5) / rate - start
     return at_moments(heard, lips, middles)
 
 

@@ -213,7 +213,7 @@ def measure(
                     found.mouths[mouth] = crop
                     frames[detected.track].add(k, detected.points, crop, face)
                 if progress is not None:
-                    progress(min(1.0, (first + k + 1 - begin) / (stop - begin)))
+                    progress(min(max(0.0, (first + k + 1 - begin) / (stop - begin)), 1.0))
         if pieces is not None:
             found.write(pieces.out / kept)
         faces = {track: f.block_face(info.width, info.height) for track, f in frames.items()}

@@ -129,9 +129,13 @@ def test_mouths_count_by_the_fourth_power_of_their_nearness(someone: Someone) ->
     torch.testing.assert_close(chosen.maps.log_view_weight.exp(), by_hand, rtol=1e-3, atol=1e-3)
 
 
-def test_a_turn_counts_beside_lips_and_their_gap(someone: Someone) -> None:
-    """A frame's lips are 1 from the mean in the mean square, their gap 3 times; .15 rad are 1."""
-    mouths, angles = someone.mouths, torch.tensor([0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
+@pytest.mark.parametrize("apart", [0.1, 0.3])
+def test_a_turn_counts_beside_lips_and_their_gap(someone: Someone, apart: float) -> None:
+    """A frame's lips are 1 from the mean in the mean square, their gap 3 times; .15 rad are 1.
+
+    Of a head that turns far, three quarters of its root mean square turn are.
+    """
+    mouths, angles = someone.mouths, apart * torch.arange(6)
     c2w = mouths.views.c2w[:1].repeat(len(angles), 1, 1)
     c2w[:, :, 3] = 7 * torch.stack([angles.sin(), 0 * angles, angles.cos()], 1)
     lips = 0.1 * torch.randn(len(angles), *mouths.lips.shape[1:])
@@ -144,7 +148,10 @@ def test_a_turn_counts_beside_lips_and_their_gap(someone: Someone) -> None:
     gaps = mouth_pixels.gap(lips)
     squared = (lips - lips[1]).square().sum((1, 2)) / spread
     squared += 3 * (gaps - gaps[1]) ** 2 / (gaps - gaps.mean()).square().mean()
-    squared += (2 * torch.sin((angles - angles[1]) / 2) / 0.15) ** 2
+    from_middle = 2 * torch.sin((angles - angles.mean()) / 2)
+    unit = max(0.15, 0.75 * float(from_middle.square().mean().sqrt()))
+    assert (unit > 0.15) == (apart > 0.1)
+    squared += (2 * torch.sin((angles - angles[1]) / 2) / unit) ** 2
     order = [k for k in squared.argsort().tolist() if k]
     assert chosen.maps.number.tolist() == order[:4]
     by_hand = (1 - squared[order[:4]] / squared[order[4]]) ** 4

@@ -11,6 +11,7 @@ import pytest
 import soundfile
 
 from dubbing import media
+from dubbing.heads import fine_tuning
 from dubbing.heads.fine_tuning import clip_speech
 from tests import clips
 
@@ -28,7 +29,28 @@ def clip(tmp_path: Path) -> Any:
     soundfile.write(tmp_path / "a.wav", 0.4 * time / 2 * np.sin(2 * np.pi * 300 * time), 16000)
     film = tmp_path / "film.mp4"
     media.mux(silent, tmp_path / "a.wav", film, audio_start=0, seconds=FRAMES / 25)
-    return SimpleNamespace(clip=film, frames_count=FRAMES, rate=media.probe(film).rate)
+    return SimpleNamespace(
+        clip=film, frames_count=FRAMES, part=(0, FRAMES), rate=media.probe(film).rate
+    )
+
+
+def test_of_a_part_the_sound_round_it_is_heard(clip: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fine_tuning, "SOUND_BESIDE", 0.4)
+    chance = np.random.default_rng(0)
+    bursts = np.repeat(chance.uniform(0, 0.5, FRAMES), 640) * chance.normal(0, 0.3, 32000)
+    soundfile.write(clip.clip.with_name("a.wav"), bursts, 16000)
+    sound, silent = clip.clip.with_name("a.wav"), clip.clip.with_name("silent.mp4")
+    media.mux(silent, sound, clip.clip, audio_start=0, seconds=FRAMES / 25)
+    whole = clip_speech(clip, "mel")
+    part = clip_speech(SimpleNamespace(**vars(clip) | {"part": (20, 40)}), "mel")
+    assert len(part) == FRAMES
+
+    def apart(late: int) -> float:
+        """Spread of the difference: the features count from the loudness of what is heard."""
+        return float((part.windows[20:40] - whole.windows[20 + late : 40 + late]).std())
+
+    assert min(range(-3, 4), key=apart) == 0
+    assert apart(0) < 0.5 * min(apart(-1), apart(1))
 
 
 def test_sound_that_comes_early_is_heard_so_many_frames_before(clip: Any) -> None:
