@@ -25,7 +25,8 @@ class Prepare(DubbingStage):
     Attributes:
         size: side of the head crop, px.
         people: the person, then the others in the clip.
-        part: the only frames, first .. stop, that are prepared; None for all.
+        part: the only frames, first .. stop, that are prepared, where they show the face; None for
+            all.
         crops: amount of work: frames, each as a share of a full head crop.
     """
 
@@ -51,16 +52,23 @@ class Prepare(DubbingStage):
         )
 
     def run(self, out: Path, progress: Progress) -> None:
+        from dubbing.errors import PreparationError
         from dubbing.preparation.prepare import prepare
 
-        prepare(
-            self.clip,
-            out,
-            size=self.size,
-            people=self.people,
-            part=self.part,
-            progress=progress,
-        )
+        for part in dict.fromkeys((self.part, None)):
+            try:
+                prepare(
+                    self.clip,
+                    out,
+                    size=self.size,
+                    people=self.people,
+                    part=part,
+                    progress=progress,
+                )
+                return
+            except PreparationError:  # a part may show nobody; all of the clip must
+                if part is None:
+                    raise
 
     def amount(self) -> float:
         return self.crops

@@ -13,6 +13,7 @@ import pytest
 
 from dubbing.engine.disk.files import atomic_write_json
 from dubbing.engine.graph.stage import Progress, Stage
+from dubbing.errors import PreparationError
 from dubbing.identity.finetune_settings import FinetuneSettings
 from dubbing.identity.lip_scale import LipScale
 from dubbing.script.timeline import Edit
@@ -46,6 +47,22 @@ def clip(tmp_path: Path) -> Path:
 
 def quiet(_message: str, _share: float) -> None:
     pass
+
+
+def test_a_part_without_a_face_is_prepared_with_all_of_its_clip(
+    clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from dubbing.preparation import prepare as preparing
+
+    none = PreparationError("no face found in any frame", "ann.mp4", "use another")
+    work = create_autospec(preparing.prepare, side_effect=[none, None])
+    monkeypatch.setattr(preparing, "prepare", work)
+    stage = Prepare(clip=clip, size=512, people=(), part=(10, 20), weights={}, crops=30)
+    stage.run(tmp_path, quiet)
+    assert [call.kwargs["part"] for call in work.mock_calls] == [(10, 20), None]
+    work.side_effect = [none, none]
+    with pytest.raises(PreparationError, match="no face"):
+        stage.run(tmp_path, quiet)
 
 
 def test_prepare(clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
