@@ -14,8 +14,8 @@ from dubbing.compositing.neck import Neck, with_neck
 from dubbing.compositing.skin_detail import with_detail_of
 from dubbing.face.face_contour import face_contour
 from dubbing.preparation.background.pixels import extent, rounded, spread
+from dubbing.preparation.film_frame import FilmFrame
 from dubbing.preparation.matting.matting import REFERENCE_SIZE
-from dubbing.preparation.prepared import FilmFrame
 
 OPEN_JAW_PX = 30  # beyond the inpaint mask where an open jaw may lie; it fades over as much again
 INPAINT = 3  # px round letters from which the neck behind them is inpainted

@@ -10,7 +10,8 @@ from typing import Self
 import cv2
 import numpy as np
 
-from dubbing.preparation.prepared import FilmFrame, PreparedClip
+from dubbing.preparation.film_frame import FilmFrame
+from dubbing.preparation.prepared import PreparedClip
 from dubbing.preparation.tracking import cropping
 
 

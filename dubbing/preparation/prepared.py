@@ -12,7 +12,6 @@ import zipfile
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +25,7 @@ from dubbing.errors import ExplainedError, PreparationError
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER, RIGID
 from dubbing.media import PixelFormat, Planes, probe, read_frames, read_planes
 from dubbing.preparation.file_names import SUMMARY
+from dubbing.preparation.film_frame import FilmFrame
 
 VERSION = 11
 HEAD_RADIUS = 1.7  # units (10 cm), the largest extent of a head from its origin
@@ -56,47 +56,6 @@ class Summary(Version):
     residual_shift: float
     warnings: list[str]
     face_warnings: list[str]
-
-
-@dataclass(frozen=True)
-class FilmFrame:
-    """A frame of a prepared clip.
-
-    Attributes:
-        image: (S, S, 3) crop. matte: (S, S) of the head. fill: (S, S, 3), what is behind it. All
-            uint8.
-        overlay: (S, S) uint8, 255 where something lies over the face; None where nothing does.
-        haze: (3,) grey levels of light over the image; see `covering.light`.
-        noise: (5,) of the film, see `film_noise`. motion: (2,) px that the head moves in a frame.
-        landmarks: (478, 2) px of the crop.
-        jaw: (K,) px, see `compositing.jaw_line.beside`; None where the head was not compared.
-        whole: (H, W, 3) uint8, the source frame that the crop is of.
-    """
-
-    image: np.ndarray
-    matte: np.ndarray
-    fill: np.ndarray
-    overlay: np.ndarray | None
-    haze: np.ndarray
-    noise: np.ndarray
-    motion: np.ndarray
-    landmarks: np.ndarray
-    whole: np.ndarray
-    jaw: np.ndarray | None = None
-
-    @cached_property
-    def restored(self) -> np.ndarray:
-        """Where the background is restored, (S, S) bool: the matte's inpaint mask."""
-        from dubbing.preparation.matting.matting import inpaint_mask
-
-        return inpaint_mask(self.matte)
-
-    @cached_property
-    def background(self) -> np.ndarray:
-        """The frame without the head, (S, S, 3) uint8: the image where nothing is restored."""
-        import cv2
-
-        return cv2.copyTo(self.fill, self.restored.astype(np.uint8), self.image.copy())
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 
+from dubbing.preparation.film_frame import FilmFrame
 from dubbing.preparation.halved import HalvedClip
-from dubbing.preparation.prepared import FilmFrame
 
 MOST_KEPT = 800 * 10**6  # bytes
 

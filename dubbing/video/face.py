@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dubbing.preparation.prepared import FilmFrame, PreparedClip
+from dubbing.preparation.film_frame import FilmFrame
+from dubbing.preparation.prepared import PreparedClip
 
 
 @dataclass(frozen=True)

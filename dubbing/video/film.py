@@ -5,7 +5,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from dubbing.preparation.prepared import FilmFrame, PreparedClip
+from dubbing.preparation.film_frame import FilmFrame
+from dubbing.preparation.prepared import PreparedClip
 from dubbing.script import timeline
 
 BACKWARDS = 25  # frames decoded forwards and kept, to be given out in reverse

@@ -29,7 +29,8 @@ from dubbing.heads.frame_inputs import inputs_of
 from dubbing.heads.pose_refinement import refined
 from dubbing.identity.best_seconds import Part
 from dubbing.identity.dataset import mouth_boxes
-from dubbing.preparation.prepared import FilmFrame, PreparedClip
+from dubbing.preparation.film_frame import FilmFrame
+from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from dubbing.video import composer
 from dubbing.workshop.lab.cross_driving import frames_under

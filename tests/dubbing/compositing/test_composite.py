@@ -7,7 +7,7 @@ import pytest
 from dubbing.compositing.composite import blend, composite, replacement, without_haze
 from dubbing.compositing.face_mask import rendered_region
 from dubbing.face.mouth.mouth_shape import OUTER_LIP
-from dubbing.preparation.prepared import FilmFrame
+from dubbing.preparation.film_frame import FilmFrame
 from tests import fakes
 
 S = 512

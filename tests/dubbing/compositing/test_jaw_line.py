@@ -16,7 +16,7 @@ from dubbing.compositing.jaw_line import (
 )
 from dubbing.compositing.neck import Neck
 from dubbing.face.face_contour import face_contour
-from dubbing.preparation.prepared import FilmFrame
+from dubbing.preparation.film_frame import FilmFrame
 from tests import fakes
 
 S = 512

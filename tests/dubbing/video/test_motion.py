@@ -10,7 +10,8 @@ import cv2
 import numpy as np
 import pytest
 
-from dubbing.preparation.prepared import FilmFrame, PreparedClip
+from dubbing.preparation.film_frame import FilmFrame
+from dubbing.preparation.prepared import PreparedClip
 from dubbing.video import motion
 from dubbing.video.face import Face
 from tests import clips, fakes
