@@ -24,23 +24,31 @@ def frames_shown(count: int) -> list[int]:
 
 
 def contact_sheet(
-    clip: PreparedClip, crops: np.ndarray, mattes: np.ndarray, fills: np.ndarray, path: Path
+    clip: PreparedClip,
+    first: int,
+    crops: np.ndarray,
+    mattes: np.ndarray,
+    fills: np.ndarray,
+    path: Path,
 ) -> None:
     """Write the page as PNG: a column a frame, rows source with axes, cut-out head, background.
 
     Args:
+        first: number of the first frame in the source.
         crops: (T, S, S, 3), mattes: (T, S, S) uint8 of all frames.
         fills: (K, S, S, 3) uint8, backgrounds of those of `frames_shown`.
     """
     shown = frames_shown(len(clip))
-    jobs = ((clip, crops[t], mattes[t], fill, t) for t, fill in zip(shown, fills, strict=True))
+    jobs = (
+        (clip, first, crops[t], mattes[t], fill, t) for t, fill in zip(shown, fills, strict=True)
+    )
     columns = list(in_order(column, jobs))
     _, png = cv2.imencode(".png", cv2.cvtColor(np.hstack(columns), cv2.COLOR_RGB2BGR))
     atomic_write_bytes(path, png.tobytes())
 
 
 def column(
-    clip: PreparedClip, image: np.ndarray, matte: np.ndarray, fill: np.ndarray, t: int
+    clip: PreparedClip, first: int, image: np.ndarray, matte: np.ndarray, fill: np.ndarray, t: int
 ) -> np.ndarray:
     """Images (4 * CELL, CELL, 3) of frame t, one above the other."""
     background = np.where(inpaint_mask(matte)[..., None], fill, image)
@@ -48,7 +56,7 @@ def column(
     cut_out = (GREEN + share * (image - GREEN)).round().astype(np.uint8)
     images = (with_axes(image, clip, t), cut_out, np.repeat(matte[..., None], 3, 2), background)
     cells = [cv2.resize(one, (CELL, CELL), interpolation=cv2.INTER_AREA) for one in images]
-    text = f"{t}" if clip.valid[t] else f"{t} no face"
+    text = f"{first + t}" if clip.valid[t] else f"{first + t} no face"
     cv2.putText(
         cells[0], text, (6, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.45, (255, 255, 255), 1, cv2.LINE_AA
     )

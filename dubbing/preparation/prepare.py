@@ -88,8 +88,8 @@ def prepare(
 
     tracked = _track(steps, info, first, people, size, out / OVERLAY)
     images = _cut_out(steps, info, tracked, out)
-    prepared = _record(clip, out, info, tracked)
-    contact_sheet(prepared, *images, out / CONTACT_SHEET)
+    prepared = _record(clip, out, info, first, tracked)
+    contact_sheet(prepared, first, *images, out / CONTACT_SHEET)
     prepared = prepared.within(first, film.frames)
     prepared.save()
     shutil.rmtree(steps.folder)
@@ -194,8 +194,8 @@ def _cut_out(
     return crops.crops, open_images(alphas), shown
 
 
-def _record(clip: Path, out: Path, info: MediaInfo, tracked: _Tracked) -> PreparedClip:
-    """The prepared clip that later stages read."""
+def _record(clip: Path, out: Path, info: MediaInfo, first: int, tracked: _Tracked) -> PreparedClip:
+    """The prepared clip that later stages read, of its own frames alone."""
     surveyed, observed, poses = tracked.surveyed, tracked.observed, tracked.poses
     detected = tracked.detected | {"covered": tracked.light["covered"], "over": tracked.over}
     detected |= {"valid": tracked.known, "points": tracked.landmarks}
@@ -211,8 +211,8 @@ def _record(clip: Path, out: Path, info: MediaInfo, tracked: _Tracked) -> Prepar
         focal=observed.focal,
         near=float(distance.min() - HEAD_RADIUS),
         far=float(distance.max() + HEAD_RADIUS),
-        warnings=warnings_of(info, tracked.size, surveyed, detected, poses),
-        face_warnings=face_warnings_of(info, surveyed),
+        warnings=warnings_of(info, first, tracked.size, surveyed, detected, poses),
+        face_warnings=face_warnings_of(info, first, surveyed),
         residual_shift=root_mean_square(tracked.track["residual_shift"]),
         rotation=poses.rotation,
         translation=poses.translation,

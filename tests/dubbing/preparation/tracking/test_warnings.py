@@ -2,7 +2,7 @@
 
 from fractions import Fraction
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -24,6 +24,8 @@ def warnings_for(
     hidden: tuple[int, ...] = (),
     lost: tuple[int, ...] = (),
     yaw: tuple[float, ...] = (0.0,) * FRAMES,
+    cut: int = FRAMES,
+    first: int = 0,
 ) -> list[str]:
     """Warnings of a calm clip at 5 fps whose modes differ by so many px in some frames."""
     info = SimpleNamespace(frames=FRAMES, rate=Fraction(5), variable_rate=False)
@@ -36,8 +38,8 @@ def warnings_for(
         "most_faces": np.array(faces),
         "other": np.array([5.0, 448.0, 128.0]) if faces > 1 else np.full(3, np.nan),
         "box": np.tile([64.0, 192.0, 192.0, 320.0], (FRAMES, 1)),
-        "segment": np.zeros(FRAMES, int),
-        "distance": np.zeros(1),
+        "segment": (np.arange(FRAMES) >= cut).astype(int),
+        "distance": np.array([0.0, 0.3])[: 1 + (cut < FRAMES)],
         "repeated": np.zeros(FRAMES, bool),
         "shown": np.where(np.isin(np.arange(FRAMES), dissolved), 0.7, 1.0),
         "window": np.tile([0.0, 0.0, 512.0], (FRAMES, 1)),
@@ -48,12 +50,31 @@ def warnings_for(
     turns = Rotation.from_euler("y", np.negative(yaw)[:, None], degrees=True).as_matrix()
     poses = SimpleNamespace(rotation=turns, translation=np.tile([0.0, 0.0, 9.0], (FRAMES, 1)))
     clip = cast("MediaInfo", info)
-    others = warnings_of(clip, 512, seen, found, cast("Poses", poses))
-    return [*face_warnings_of(clip, seen), *others]
+    others = warnings_of(clip, first, 512, seen, found, cast("Poses", poses))
+    return [*face_warnings_of(clip, first, seen), *others]
 
 
 def test_a_calm_clip_has_no_warnings() -> None:
     assert warnings_for({3: 2.9}) == []
+
+
+def test_of_a_part_times_and_frames_are_those_of_the_clip() -> None:
+    asked: dict[str, Any] = {"faces": 2, "lost": (3,), "dissolved": (8,), "cut": 7}
+    whole = warnings_for({}, **asked)
+    part = warnings_for({}, **asked, first=50)
+    moved = [
+        ("at 1.0 s that", "at 11.0 s that"),
+        ("at: 1.00", "at: 11.00"),
+        ("at frames 7 (0.30)", "at frames 57 (0.30)"),
+        ("first at 0.6 s", "first at 10.6 s"),
+        ("first at 1.6 s", "first at 11.6 s"),
+        ("at frames 7;", "at frames 57;"),
+    ]
+    told = "\n".join(whole)
+    for before, after in moved:
+        assert before in told
+        told = told.replace(before, after)
+    assert "\n".join(part) == told
 
 
 def test_what_stays_over_the_new_mouth_and_what_fades_with_its_shot() -> None:
