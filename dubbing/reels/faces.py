@@ -12,7 +12,8 @@ from dubbing.face.finding.landmarks import MOST_FACES, FaceMesh
 from dubbing.media import MediaInfo, read_frames
 from dubbing.preparation.tracking.following import Sighting
 from dubbing.preparation.tracking.likeness import FARTHEST, apart
-from dubbing.preparation.tracking.survey import sightings_of, tiles, without_doubles
+from dubbing.preparation.tracking.sought_people import sightings_of
+from dubbing.preparation.tracking.survey import tiles, without_doubles
 
 LOOKED_AT = 12  # frames of a clip
 LEAST_SEEN = 2  # times: what is seen once may be no face

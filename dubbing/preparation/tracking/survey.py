@@ -4,7 +4,7 @@ Every fifth frame is searched for faces; boxes are (x0, y0, x1, y1) in px of the
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from dubbing.engine.graph.stage import ReportShare
 from dubbing.errors import PreparationError
 from dubbing.face.finding.landmarks import MOST_FACES, FaceMesh
-from dubbing.media import MediaInfo, probe, read_frames
+from dubbing.media import MediaInfo, read_frames
 from dubbing.preparation.tracking.cuts import (
     LEAST_DIFFERENCE,
     REPEATED,
@@ -23,21 +23,15 @@ from dubbing.preparation.tracking.cuts import (
 )
 from dubbing.preparation.tracking.dissolves import detail, find_dissolves, miniature, shown
 from dubbing.preparation.tracking.following import (
-    Person,
-    Place,
     Sighting,
     follow,
-    looks_of,
-    track_at,
 )
-from dubbing.preparation.tracking.likeness import looks
 from dubbing.preparation.tracking.portraits import Portrait
+from dubbing.preparation.tracking.sought_people import STRIDE, person_of, sightings_of
 
-STRIDE = 5  # frames
 TOGETHER = 4  # frames that are searched at once
 LEAST_SHARE = 0.2  # of searched frames with a face; fewer: search again, larger
 TILE_SHARE = 0.5  # of the shorter side of the frame
-PORTRAIT_FRAMES = 20  # of another clip, from which a person's looks are taken
 
 
 @dataclass(frozen=True)
@@ -135,61 +129,6 @@ def other_face(sightings: list[list[Sighting]], box: np.ndarray) -> np.ndarray:
         return np.full(3, np.nan)
     largest = max(others, key=lambda face: face.size)
     return np.array([largest.frame, *largest.middle])
-
-
-def person_of(portrait: Portrait, info: MediaInfo, first: int = 0) -> Person:
-    """The person of a portrait, as a clip, or the part of it from a frame on, is searched for them.
-
-    Raises:
-        LookupError: no face at a point of the portrait, or none in it.
-    """
-    whole = probe(portrait.clip)
-    rows = places(portrait, whole)
-    if portrait.clip == info.path:
-        here = tuple(replace(row, frame=row.frame - first) for row in rows)
-        if all(0 <= row.frame < info.frames for row in here):
-            return Person(here)
-    spread = np.linspace(0, whole.frames - 1, PORTRAIT_FRAMES).round().astype(int)
-    frames = [place.frame for place in rows] or np.unique(spread).tolist()
-    track: list[Sighting] = []
-    mesh = FaceMesh(tracking=False, faces=MOST_FACES)
-    for k, frame in enumerate(frames):
-        (image,) = read_frames(portrait.clip, start=frame, count=1)
-        faces = sightings_of(mesh(image), image, frame)
-        if rows:
-            track += track_at([[face] for face in faces], rows[k])
-        elif faces:
-            track.append(max(faces, key=lambda face: face.size))
-    if not track:
-        raise LookupError(f"in {portrait.clip}, which shows whom to look for")
-    return Person(looks=looks_of([track]))
-
-
-def places(portrait: Portrait, info: MediaInfo) -> tuple[Place, ...]:
-    """The points of a portrait as frames and pixels of its clip."""
-    size = np.array([info.width, info.height])
-    return tuple(
-        Place(min(round(at * info.rate), info.frames - 1), np.array([x, y]) * size)
-        for at, x, y in portrait.points
-    )
-
-
-def sightings_of(
-    faces: list[np.ndarray],
-    image: np.ndarray,
-    frame: int,
-    corner: tuple[int, int] = (0, 0),
-    scale: float = 1,
-) -> list[Sighting]:
-    """Faces (478, 3) of an image that begins at ``corner`` of the source, enlarged by ``scale``."""
-    return [
-        Sighting(
-            frame,
-            np.concatenate((points[:, :2].min(0), points[:, :2].max(0))) / scale + (corner * 2),
-            looks(image, points),
-        )
-        for points in faces
-    ]
 
 
 def search_tiles(info: MediaInfo, first: int, progress: ReportShare) -> list[list[Sighting]]:
