@@ -61,7 +61,7 @@ def test_a_step_that_reports_nothing_is_seen_to_go_on(
     monkeypatch.setattr(live.Bars, "say", lambda self: said.set())
     with live.Bars([]) as bars:
         bars.begin(JOB, STAGE, [])
-        assert said.wait(10)
+        assert said.wait(60)
         bars.end(JOB, STAGE, None)
     assert not bars._pulse._thread.is_alive()
 
@@ -71,7 +71,7 @@ def test_so_are_commands_of_one_bar(log: Console, monkeypatch: pytest.MonkeyPatc
     said = threading.Event()
     monkeypatch.setattr(live, "line", lambda *_: said.set())
     with live.progress_bar("prepare"):
-        assert said.wait(10)
+        assert said.wait(60)
 
 
 def test_machines_are_told_which_stages_go_on(capsys: pytest.CaptureFixture[str]) -> None:

@@ -125,8 +125,8 @@ def test_whoever_claims_a_stage_waits_for_its_parts_and_they_leave_it_alone(tmp_
     with claims.hold(render.folder):
         assert not run_stage(part, lambda message, share: None)
     with claims.hold(part.folder) as claim:
-        threading.Timer(0.5, claim.release).start()
         began = time.monotonic()
+        threading.Timer(0.5, claim.release).start()
         assert run_stage(render, lambda message, share: None)
         assert time.monotonic() - began >= 0.5
     assert not run_stage(part, lambda message, share: None)  # its stage is up to date

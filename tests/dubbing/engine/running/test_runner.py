@@ -160,9 +160,10 @@ def test_workers_killed_at_random_cost_their_own_stage_alone(
 
     def kill() -> None:
         chance = Random(7)
-        while not ended.wait(0.3 + chance.random()) and hit.total() < 4:
+        # The stages sleep for seconds in all, so a busy machine gives no fewer looks at them.
+        while not ended.wait(0.02) and hit.total() < 4:
             at_work = {k: life for k, f in folders.items() if (life := claims.look(f))}
-            if at_work:
+            if at_work and chance.random() < 0.1:
                 key = chance.choice(sorted(at_work))
                 try:
                     os.kill(at_work[key].process, signal.SIGKILL)

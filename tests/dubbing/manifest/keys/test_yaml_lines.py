@@ -5,7 +5,6 @@ from __future__ import annotations
 import datetime
 import os
 import re
-import time
 from pathlib import Path
 
 import pytest
@@ -63,9 +62,8 @@ def test_merge_keys_cannot_explode(folder: Path, bottom: str) -> None:
         f"a{k + 1}: &a{k + 1} {{<<: [{', '.join([f'*a{k}'] * 10)}]}}\n" for k in range(9)
     )
     assert len(text) < 1000
-    started = time.perf_counter()
+    # It would not end, were it built: a billion maps.
     assert any("too many or too deep aliases" in problem for problem in problems(folder, text))
-    assert time.perf_counter() - started < 5
 
 
 @pytest.mark.parametrize("text", ["a: &a {<<: *a}\n", "a: &a {<<: [*a, *a]}\n"])
