@@ -6,11 +6,11 @@ S side of the crop in px. All lengths are given for S = 512 and scale with it.
 import cv2
 import numpy as np
 
-from dubbing.compositing.face_mask import face_mask, skull_share
-from dubbing.compositing.film_look import in_focus, with_edges_of
-from dubbing.compositing.jaw_line import beside_jaw, moved
+from dubbing.compositing.carried_jaw import carried, jaw_motion
+from dubbing.compositing.face_mask import face_mask
+from dubbing.compositing.film_look import in_focus
 from dubbing.compositing.light import follow_light
-from dubbing.compositing.neck import Neck, with_neck
+from dubbing.compositing.neck import Neck, above_clothes, with_neck
 from dubbing.compositing.skin_detail import with_detail_of
 from dubbing.face.face_contour import face_contour
 from dubbing.preparation.background.pixels import extent, rounded, spread
@@ -31,22 +31,23 @@ EDGE, ALONG = 64, (15, 15)  # levels from the middle that belong to an edge; px 
 FEATHER = 6  # px, inside the edge; less than the inpaint mask is wider than the old head
 
 
-def replacement(film: FilmFrame, head: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def replacement(film: FilmFrame, head: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The composite that replaces a frame of the film, and its mask; see `composite`.
 
     Captions and other things over the face in the film stay over it.
 
     Args:
-        head: (S, S, 4) uint8, colour premultiplied by opacity, and opacity.
+        head: (S, S, 4) uint8, the learned one, colour premultiplied by opacity, and opacity.
+
+    Returns:
+        The composite (S, S, 3), its mask (S, S), and what is new in it (S, S), all uint8: the
+        mask without the share of the film's own pixels, which a jaw takes along.
     """
     image, landmarks = film.image, film.landmarks
     size = len(image)
-    restored = film.restored
     bare = np.ones((size, size), bool) if film.overlay is None else film.overlay == 0
     contour = face_contour(landmarks, size)
-    if film.jaw is not None:
-        head = moved(head, film.jaw, landmarks, contour)
-    clean = without_haze(head, restored, film.background)
+    clean = without_haze(head, film.restored, film.background)
     lit = follow_light(image, film.matte, clean, landmarks, film.haze, film.overlay)
     if film.overlay is not None:
         image = cv2.inpaint(image, film.overlay, INPAINT, cv2.INPAINT_TELEA)
@@ -54,18 +55,16 @@ def replacement(film: FilmFrame, head: np.ndarray) -> tuple[np.ndarray, np.ndarr
     if film.overlay is not None:
         share = np.minimum(share, 255 - film.overlay)
     person = bare & (film.matte >= OPAQUE)
-    beside = person & (share < HALF)
-    lit = in_focus(film.image, lit, beside, film.noise, film.motion)
-    lit = with_edges_of(film.image, bare & (film.matte > 0), lit, share > 0)
+    lit = in_focus(film.image, lit, person & (share < HALF), film.noise, film.motion)
     lit = with_detail_of(film.image, person, lit, share > 0, landmarks, film.noise)
+    motion = jaw_motion(film.matte, lit[..., 3], bare, film.jaw, landmarks, contour)
+    made = carried(image, film.matte, film.overlay, lit, share, motion, landmarks, contour)
     neck = Neck.of(image, film.matte, contour)
-    under, stretched = with_neck(image, film.background, neck, lit[..., 3])
-    # The outline of nose and upper jaw is the film's own, wherever the rendered one lies.
-    # And that of the jaw's sides, and on clothes, within a few px.
-    own = skull_share(landmarks, size) * (share > 0)
-    own = np.maximum(own, beside_jaw(landmarks, lit[..., 3], share > 0, neck))
-    own = (own * 255).round().astype(np.uint8)
-    return composite(blend(under, image, own), restored | stretched, lit, share)
+    under, stretched = with_neck(image, film.background, neck, made.head[..., 3])
+    own = (above_clothes(made.head[..., 3], neck) * 255).round().astype(np.uint8)
+    under = blend(under, image, own)
+    picture, mask = composite(under, film.restored | stretched, made.head, made.share)
+    return picture, mask, (mask * (1 - made.kept)).round().astype(np.uint8)
 
 
 def composite(
@@ -89,7 +88,7 @@ def composite(
     inside = restored | (opacity > 0)
     mask = np.minimum(feathered(inside, max(1.0, FEATHER * scale)), share)
     out = background.copy()
-    rows, columns = extent(opacity > 0)
+    rows, columns = extent(share > 0)
     under = background[rows, columns].astype(np.float32)
     over = head[rows, columns].astype(np.float32)
     blended = over[..., :3] + (1 - over[..., 3:] / 255) * under

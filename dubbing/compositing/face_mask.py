@@ -120,14 +120,24 @@ def round_mouth(landmarks: np.ndarray, size: int) -> Part:
 
 def mouth_share(landmarks: np.ndarray, part: Part) -> np.ndarray:
     """1 (H, W) round the mouth and the chin, 0 far from them, in rows and columns of an image."""
-    up = landmarks[FOREHEAD_TOP] - landmarks[CHIN]
-    up = up / max(float(up @ up), 1.0)
-    place = landmarks[list(OUTER_LIP)].mean(0)
-    y, x = (np.arange(i.start, i.stop) - k for i, k in zip(part, place[::-1], strict=True))
-    above = x * up[0] + y[:, None] * up[1]
-    beside = x * up[1] - y[:, None] * up[0]
+    y, x = (np.arange(i.start, i.stop) for i in part)
+    return near_mouth(landmarks, x, y[:, None])
+
+
+def near_mouth(landmarks: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """`mouth_share` of places, px."""
+    above, beside = from_lips(landmarks, x, y)
     away = np.hypot(beside, np.where(above < 0, above / DOWNWARDS, above))
     return np.clip((FAR_FROM_MOUTH - away) / (FAR_FROM_MOUTH - NEAR_MOUTH), 0, 1)
+
+
+def from_lips(landmarks: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How far places, px, lie above and beside the middle of the lips, in heights of the face."""
+    up = landmarks[FOREHEAD_TOP] - landmarks[CHIN]
+    up = up / max(float(up @ up), 1.0)
+    middle = landmarks[list(OUTER_LIP)].mean(0)
+    x, y = x - middle[0], y - middle[1]
+    return x * up[0] + y * up[1], x * up[1] - y * up[0]
 
 
 def jaw_share(contour: FaceContour, angles: np.ndarray) -> np.ndarray:

@@ -21,10 +21,6 @@ LEAST = 150  # px that must be compared
 OPAQUE = 250  # of 255
 TELLING = 0.2  # share of a film's detail that is no noise: with less, noise hides its focus
 SHARPER = 0.9  # share of the render's detail: a film that has more is as sharp
-IN_FOCUS = 1.3  # px: sharper edges are in focus
-EDGE, SHARPEST, LEAST_EDGE = 40, 10, 30  # levels of an edge, percentile of widths, px of edges
-NEAR_EDGE = 8  # the blurred edge fades in over an opacity of one eighth
-AROUND = np.ones((9, 9), np.uint8)  # px in which an edge rises
 NOISE_SEED = 20240607
 QUIET = 0.3  # levels: a film with less noise has none
 
@@ -58,52 +54,6 @@ def in_focus(
         return np.asarray(cv2.filter2D(head, -1, line(share * motion)))
     left = [detail(blurred(grey[1], sigma), here) for sigma in SIGMAS]
     return blurred(head, between(np.array(left), SIGMAS, wanted))
-
-
-def with_edges_of(
-    image: np.ndarray, where: np.ndarray, head: np.ndarray, replaced: np.ndarray
-) -> np.ndarray:
-    """A head whose edge is no sharper than the sharpest edges of the film, (S, S, 4) uint8.
-
-    Args:
-        image: (S, S, 3) uint8 of the film. where: (S, S) bool, the edges that are looked at.
-        head: (S, S, 4) uint8, premultiplied. replaced: (S, S) bool, where it is shown.
-    """
-    part = extent(where)
-    wanted = edge_width(luma(image[part]), where[part])
-    if wanted == IN_FOCUS:
-        return head
-    part = extent(replaced)
-    own = edge_width(head[part][..., 3].astype(np.float32), replaced[part])
-    sigma = np.sqrt(max(0.0, wanted**2 - own**2))
-    if sigma < LEAST_BLUR:
-        return head
-    soft = cv2.GaussianBlur(head, (0, 0), sigma)
-    # Within a head its detail stays.
-    share = np.clip(NEAR_EDGE * (1 - soft[..., 3] / np.float32(255)), 0, 1)
-    return np.asarray(cv2.blendLinear(soft, head, share, 1 - share))
-
-
-def edge_width(grey: np.ndarray, where: np.ndarray) -> float:
-    """How blurred the sharpest edges are: sigma of a Gaussian, px, `IN_FOCUS` at least.
-
-    An edge of height h, blurred so, has a slope of h / (sigma sqrt(2 pi)). Measuring it blurs by
-    .8 px: where a picture is blurred by s, up to 2 px, sigma is sqrt(s^2 + .8^2).
-
-    Args:
-        grey: (H, W) float32. where: (H, W) bool, the edges that are looked at.
-    """
-    if not where.any():
-        return IN_FOCUS
-    grey = cv2.GaussianBlur(grey, (0, 0), 0.6)
-    slope = np.hypot(*(cv2.Sobel(grey, cv2.CV_32F, *way, scale=1 / 8) for way in ((1, 0), (0, 1))))
-    height = cv2.dilate(grey, AROUND) - cv2.erode(grey, AROUND)
-    steepest = slope >= cv2.dilate(slope, np.ones((3, 3), np.uint8))
-    found = where & steepest & (height > EDGE) & (slope > 0)
-    if found.sum() < LEAST_EDGE:
-        return IN_FOCUS
-    widths = height[found] / slope[found] / np.sqrt(2 * np.pi)
-    return max(IN_FOCUS, float(np.percentile(widths, SHARPEST)))
 
 
 def with_noise(

@@ -33,6 +33,10 @@ TOO_FEW, ENOUGH = 8.0, 20.0  # px of neck below the chin to stretch
 EDGE = 3.0  # px of neck that the edge of a collar shades
 NARROW = 10.0  # px: fewer columns beside one another are no neck
 PUSHED = 0.25  # of a neck's length: shorter it is not drawn, and in full from twice as much on
+HALF = 128  # of 255: opacity at an outline
+# Px that a jaw may rise from clothes, over as many more of which its old edge fades; px over which
+# that is even.
+NEARLY, EVEN = 5.0, 6.0
 UNDER = 12.0  # px that the neck extends under the edge of the head
 
 
@@ -110,6 +114,27 @@ def with_neck(
     blended = below + weight[..., None] * (stretched.astype(np.float32) - below)
     out[rows, columns], changed[rows, columns] = blended.round(), weight > 0
     return out, changed
+
+
+def above_clothes(opacity: np.ndarray, neck: Neck) -> np.ndarray:
+    """Share (S, S) float32 of the film's own pixels below a jaw that rises a little from clothes.
+
+    What is behind it there nobody has seen: it is the skin that touched them.
+
+    Args:
+        opacity: (S, S) uint8 of the head whose jaw moved. neck: of the film.
+    """
+    out = np.zeros(opacity.shape, np.float32)
+    rows, columns = extent((opacity < HALF) & (neck.clothes > 0))
+    if not out[rows, columns].size:
+        return out
+    unit = len(opacity) / REFERENCE_SIZE
+    free = (opacity[rows, columns] < HALF).astype(np.uint8)
+    away = cv2.distanceTransform(free, cv2.DIST_L2, 3) / unit
+    below = np.clip(neck.low[columns].astype(int) - rows.start, 0, len(away) - 1)
+    gap = gaussian_filter1d(away[below, np.arange(len(below))], EVEN * unit)
+    out[rows, columns] = neck.clothes[columns] * np.clip(2 - gap / NEARLY, 0, 1)
+    return out
 
 
 def bottom(head: np.ndarray) -> np.ndarray:

@@ -18,6 +18,7 @@ from dubbing.compositing.film_look import with_noise
 from dubbing.media import Planes
 from dubbing.media.properties.colour import Colour
 from dubbing.preparation.prepared import PreparedClip
+from dubbing.preparation.tracking import cropping
 from dubbing.preparation.tracking.reach import Reach
 from dubbing.provenance import card, provenance
 from dubbing.provenance.mark import Mark
@@ -221,14 +222,14 @@ def with_faces(
     replaced = np.zeros(image.shape[:2], np.uint8)
     for face in faces:
         if face.share > 0:
-            picture, mask = replacement(face.film, face.head)
-            if face.share < 1:
-                mask = (mask * face.share).round().astype(np.uint8)
+            picture, *masks = replacement(face.film, face.head)
+            mask, new = ((m * face.share).round().astype(np.uint8) for m in masks)
             if len(image) == len(mask) == image.shape[1]:
                 image = blend(image, picture, mask)
             else:
                 image, mask = face.clip.paste(image, index, picture, mask)
-            image = with_noise(image, mask, face.film.noise, index)
+                new = cropping.laid(new, face.clip.crop[index], image.shape[:2])
+            image = with_noise(image, new, face.film.noise, index)
             np.maximum(replaced, mask, out=replaced)
     return image, replaced
 

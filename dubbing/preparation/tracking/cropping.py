@@ -79,17 +79,27 @@ def paste(
         uint8 (H, W, 3), and its mask (H, W): pixels where that is 0 equal the frame's.
     """
     x0, y0, side = (int(v) for v in window)
-    if side != len(mask):
-        method = interpolation(len(mask), side)
+    if side != len(crop_image):
+        method = interpolation(len(crop_image), side)
         crop_image = cv2.resize(crop_image, (side, side), interpolation=method)
-        mask = cv2.resize(mask, (side, side), interpolation=cv2.INTER_LINEAR)
-    out, pasted = frame.copy(), np.zeros(frame.shape[:2], np.uint8)
-    pasted[y0 : y0 + side, x0 : x0 + side] = mask
+    out, pasted = frame.copy(), laid(mask, window, frame.shape[:2])
+    below, mask = (image[y0 : y0 + side, x0 : x0 + side] for image in (out, pasted))
     part = extent(mask > 0)
-    below = out[y0 : y0 + side, x0 : x0 + side][part]
     share = mask[part][..., None].astype(np.float32) / 255
-    below[...] = (below + share * (crop_image[part].astype(np.float32) - below)).round()
+    below[part] = (
+        below[part] + share * (crop_image[part].astype(np.float32) - below[part])
+    ).round()
     return out, pasted
+
+
+def laid(mask: np.ndarray, window: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """A mask (S, S) uint8 of a crop as one of a source frame of that shape (H, W)."""
+    x0, y0, side = (int(v) for v in window)
+    if side != len(mask):
+        mask = cv2.resize(mask, (side, side), interpolation=cv2.INTER_LINEAR)
+    out = np.zeros(shape, np.uint8)
+    out[y0 : y0 + side, x0 : x0 + side] = mask
+    return out
 
 
 def to_crop(points: np.ndarray, window: np.ndarray, size: int) -> np.ndarray:

@@ -223,8 +223,8 @@ def _shares(some: _Frames) -> dict[str, dict[str, float]]:
     sums = {place: np.zeros(len(SOURCES)) for place in ("replaced", "mouth")}
     own_heads = some.changed(_as_it_is(baked=True))
     for film, head, parts in zip(some.films(), own_heads, some.parts(), strict=True):
-        _, mask = replacement(film, head)
-        share = mask.astype(np.float64) / 255
+        _, mask, new = replacement(film, head)
+        share = new.astype(np.float64) / 255
         film_and_plate = [1 - share, share * (1 - parts[..., 3])]
         pixels = np.stack([*(share * parts[..., k] for k in range(3)), *film_and_plate], -1)
         sums["replaced"] += pixels[mask > 0].sum(0)
@@ -243,7 +243,7 @@ def _mouth(film: FilmFrame) -> tuple[slice, slice]:
 def _mouths(some: _Frames, change: Change) -> list[np.ndarray]:
     """Boxes of the mouth in the finished frames after a change."""
     return [
-        blend(film.image, *replacement(film, head))[_mouth(film)].astype(np.float64)
+        blend(film.image, *replacement(film, head)[:2])[_mouth(film)].astype(np.float64)
         for film, head in zip(some.films(), some.changed(change), strict=True)
     ]
 

@@ -5,9 +5,7 @@ import numpy as np
 import pytest
 
 from dubbing.compositing.film_look import (
-    IN_FOCUS,
     detail,
-    edge_width,
     in_focus,
     line,
     luma,
@@ -69,20 +67,6 @@ def test_a_head_as_sharp_as_the_film_stays_as_it_is() -> None:
     blurred = cv2.GaussianBlur(skin(), (0, 0), 2)
     nowhere = np.zeros((S, S), bool)
     assert in_focus(blurred, head, nowhere, QUIET, STILL) is head
-
-
-@pytest.mark.parametrize("noise", [0.0, 3.0])
-@pytest.mark.parametrize("sigma", [0.5, 1.0, 1.7])
-def test_edges_tell_how_blurred_a_film_is(sigma: float, noise: float) -> None:
-    row, column = np.mgrid[:200, :200] - 100
-    head = np.where(np.hypot(row, column) < 60, 180, 60).astype(np.float32)
-    made = cv2.GaussianBlur(head, (0, 0), sigma)
-    made = made + np.random.default_rng(0).normal(0, noise, (200, 200))
-    grey, everywhere = made.clip(0, 255).astype(np.float32), np.ones((200, 200), bool)
-    wanted = max(IN_FOCUS, np.hypot(sigma, 0.8))
-    assert abs(edge_width(grey, everywhere) - wanted) < 0.1
-    even = np.full_like(grey, 90)  # shows no edge
-    assert edge_width(even, everywhere) == edge_width(even, ~everywhere) == IN_FOCUS
 
 
 def test_noise_is_not_taken_for_detail() -> None:

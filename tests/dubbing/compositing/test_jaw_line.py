@@ -1,22 +1,16 @@
-"""The outline of a new head lies as far beside the film's as words move it."""
+"""How far the film's outline lies beside a learned head's."""
 
 import numpy as np
 import pytest
 
-from dubbing.compositing.composite import replacement
 from dubbing.compositing.jaw_line import (
     ANGLES,
     MOST,
-    UNSURE,
     beside,
-    beside_jaw,
     jaw_lines,
-    moved,
     radii,
 )
-from dubbing.compositing.neck import Neck
 from dubbing.face.face_contour import face_contour
-from dubbing.preparation.film_frame import FilmFrame
 from tests import fakes
 
 S = 512
@@ -33,14 +27,6 @@ def disc(radius: float) -> np.ndarray:
     """A head (S, S) uint8 round the middle of the face, with a soft edge."""
     x, y = np.arange(S) - CONTOUR.middle[:, None]
     return (255 * np.clip(0.5 + radius - np.hypot(y[:, None], x), 0, 1)).round().astype(np.uint8)
-
-
-def head(radius: float) -> np.ndarray:
-    """A head (S, S, 4) whose colours tell places apart."""
-    rows, columns = np.mgrid[:S, :S]
-    colour = np.stack([rows // 2, columns // 2, np.full((S, S), 90)], 2)
-    opacity = disc(radius)[..., None]
-    return np.concatenate([colour * (opacity / 255), opacity], 2).round().astype(np.uint8)
 
 
 @pytest.mark.parametrize("radius", [60.0, 100.3, 150.7])
@@ -61,54 +47,6 @@ def test_outlines_are_compared_round_the_jaw_alone() -> None:
 def test_an_outline_far_away_is_another_things() -> None:
     assert beside(disc(CHIN + 25), disc(CHIN), CONTOUR)[DOWN] == MOST
     assert np.isnan(beside(disc(CHIN + 40), disc(CHIN), CONTOUR)[DOWN])
-
-
-@pytest.mark.parametrize("offset", [-12.0, -5.0, 5.0, 12.0])
-def test_a_jaw_is_moved_and_lips_are_not(offset: float) -> None:
-    before = head(CHIN)
-    after = moved(before, np.full(len(ANGLES), offset), LANDMARKS, CONTOUR)
-    outline = radii(after[..., 3], CONTOUR.middle)
-    expected = offset - np.sign(offset) * UNSURE
-    assert outline[DOWN] - CHIN == pytest.approx(expected, abs=1)
-    assert outline[UP] == pytest.approx(CHIN, abs=0.5)
-    for x, y in LANDMARKS[LIPS].round().astype(int):
-        np.testing.assert_array_equal(after[y, x], before[y, x])
-
-
-def test_what_differs_by_chance_moves_nothing() -> None:
-    before = head(CHIN)
-    for offset in (0.0, 1.0, -1.0):
-        after = moved(before, np.full(len(ANGLES), offset), LANDMARKS, CONTOUR)
-        np.testing.assert_array_equal(after, before)
-
-
-def test_above_clothes_the_films_skin_fades_without_stripes() -> None:
-    """The row where clothes begin jitters from column to column."""
-    x = np.arange(S) - CONTOUR.middle[0]
-    low = CONTOUR.middle[1] + np.sqrt(np.maximum((CHIN + 10.5) ** 2 - x**2, 0)) + np.arange(S) % 2
-    neck = Neck(low, np.zeros(S), np.zeros(S), np.ones(S))
-    share = beside_jaw(LANDMARKS, disc(CHIN), np.ones((S, S), bool), neck)
-    middle = slice(S // 2 - 40, S // 2 + 40)
-    beside_chin = share[round(CONTOUR.middle[1] + CHIN) + 2, middle]
-    assert np.abs(np.diff(beside_chin)).max() < 0.03
-    assert 0.2 < beside_chin.min() < beside_chin.max() < 0.8
-
-
-def test_a_composite_has_the_jaw_where_the_film_has_it() -> None:
-    """The head's chin is 8 px too high with the film's lips, and so it is with others."""
-    wall, skin = np.full((S, S, 3), (20, 60, 120), np.uint8), np.array((200, 130, 110))
-    matte = disc(CHIN)
-    image = np.where(matte[..., None] > 127, skin, wall).astype(np.uint8)
-    opacity = disc(CHIN - 8)[..., None]
-    rendered = np.concatenate([skin * (opacity / 255), opacity], 2).round().astype(np.uint8)
-    chins = []
-    for jaw in (None, np.full(len(ANGLES), 8.0)):
-        frame = FilmFrame(
-            image, matte, wall, None, np.zeros(3), np.zeros(5), np.zeros(2), LANDMARKS, image, jaw
-        )
-        made, _ = replacement(frame, rendered)
-        chins.append(int(np.flatnonzero(made[:, int(CONTOUR.middle[0]), 0] > 110)[-1]))
-    assert chins[1] - chins[0] in range(5, 9)
 
 
 def test_a_jaw_line_between_looks_lies_between_theirs() -> None:

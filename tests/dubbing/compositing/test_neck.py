@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from dubbing.compositing.neck import Neck, bottom, with_neck
+from dubbing.compositing.neck import Neck, above_clothes, bottom, with_neck
 from dubbing.face.face_contour import FaceContour, face_contour
 from tests import fakes
 
@@ -156,6 +156,17 @@ def test_a_narrow_strip_of_skin_is_no_neck() -> None:
     below = slice(S // 2 - 60, S // 2 + 60)
     np.testing.assert_array_equal(made[:, below], background[:, below])
     assert not where[:, below].any()
+
+
+def test_above_clothes_the_films_skin_fades_without_stripes() -> None:
+    """The row where clothes begin jitters from column to column."""
+    x = np.arange(S) - S / 2
+    low = S / 2 + np.sqrt(np.maximum((FILM + 4) ** 2 - x**2, 0)) + np.arange(S) % 2
+    neck = Neck(low, np.zeros(S), np.zeros(S), np.ones(S))
+    share = above_clothes(disc(FILM), neck)
+    below = share[S // 2 + FILM + 2, S // 2 - 20 : S // 2 + 20]
+    assert np.abs(np.diff(below)).max() < 0.03
+    assert 0.1 < below.min() < below.max() < 0.9
 
 
 def test_the_lower_end_of_a_head_is_found_between_pixels() -> None:

@@ -14,10 +14,12 @@ import pytest
 from dubbing import media
 from dubbing.errors import RenderingError
 from dubbing.preparation.prepared import OVERLAY, PreparedClip
+from dubbing.preparation.tracking import cropping
 from dubbing.provenance.card import CreditsCard, default_text
 from dubbing.provenance.mark_key import marking
 from dubbing.video import composer
 from dubbing.video.assembly import make
+from dubbing.video.face import Face
 from dubbing.video.film import read_frames
 from dubbing.video.found_mark import found_before
 from dubbing.video.heads import Heads, read_heads
@@ -101,6 +103,29 @@ def test_every_value_that_is_not_replaced_is_the_films_own(
         for frame, made in zip(media.read_planes(out), finished, strict=True):
             for plane, wanted in zip(frame, made, strict=True):
                 np.testing.assert_array_equal(plane, wanted)
+
+
+@pytest.mark.parametrize("frame", ["full", "crop"])
+def test_only_what_is_new_gets_noise(
+    scene: Scene, monkeypatch: pytest.MonkeyPatch, frame: str
+) -> None:
+    """The film's own pixels, which a jaw takes along, have theirs."""
+    clip = PreparedClip.load(scene.prepared)
+    film = replace(next(read_frames(clip, np.array([5]))), noise=np.array([9.0, 9, 9, 0, 0]))
+    picture = film.image // 2
+    mask = np.full((clip.size, clip.size), 255, np.uint8)
+    new = mask.copy()
+    new[: clip.size // 2] = 0
+    monkeypatch.setattr(composer, "replacement", lambda *_: (picture, mask, new))
+    face = Face(clip, film, np.zeros(0), 1.0)
+    image = film.whole if frame == "full" else film.image
+    shown, replaced = composer.with_faces(image, [face], 5)
+    if frame == "full":
+        shown, replaced = (cropping.crop(x, clip.crop[5], clip.size) for x in (shown, replaced))
+    away = np.abs(shown.astype(int) - picture).max(2)
+    assert (replaced == 255).all()
+    assert away[: clip.size // 2 - 1].max() <= 1
+    assert np.median(away[clip.size // 2 + 1 :]) > 3
 
 
 def test_what_became_of_the_faces_is_written_down(scene: Scene, tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from dubbing.media.properties.colour import Colour
 from dubbing.media.properties.film_values import FilmValues
 from dubbing.media.properties.native import PixelFormat
 from dubbing.mixing.sound import Sound
+from dubbing.preparation.prepared import MATTE
 from dubbing.script.timeline import Cue
 from dubbing.video.assembly import make
 from dubbing.video.files import PROXY_FILE
@@ -60,11 +61,14 @@ def dubbed(folder: Path, clip: Path, codec: str, head: np.ndarray | None = None)
     prepared = fakes.write_prepared(clip, folder / "prepared", window=WINDOW, size=CROP)
     if head is None:
         fakes.write_heads(folder / "heads", FRAMES, prepared.rate, CROP)
-    else:
-        file = folder / "heads" / "000000.mkv"
-        with media.VideoWriter(file, CROP, CROP, prepared.rate, "ffv1-rgba") as writer:
-            for _ in range(FRAMES):
-                writer.write(head)
+    else:  # it fills the crop
+        for file, kind, picture in (
+            (folder / "heads" / "000000.mkv", "ffv1-rgba", head),
+            (prepared.folder / MATTE, "ffv1-gray", head[..., 3]),
+        ):
+            with media.VideoWriter(file, CROP, CROP, prepared.rate, kind) as writer:
+                for _ in range(FRAMES):
+                    writer.write(picture)
     seconds = float(FRAMES / prepared.rate)
     audio = clips.write_sound(folder / "a.wav", seconds + 0.1, 48000)
     kept = reasons(prepared, views(prepared))
@@ -103,7 +107,7 @@ def test_a_face_on_a_bright_patch_has_no_seam(tmp_path: Path, name: str) -> None
     here = np.linspace(-1, 1, CROP)
     apart = np.clip(1 - np.hypot(here, here[:, None]) / 0.7, 0, 1)
     head = np.full((CROP, CROP, 4), 255, np.uint8)
-    head[..., :3] = (255 - 60 * apart).round().astype(np.uint8)[..., None]
+    head[..., :3] = (255 - 45 * apart).round().astype(np.uint8)[..., None]
     result = dubbed(tmp_path, clip, "ffv1", head)
     (luma, *_), *_ = media.read_planes(result)
     grey = (luma.astype(np.float32) - 64) / 876

@@ -1,0 +1,136 @@
+"""The film's own jaw moves with the new words, and the learned head is shown within it."""
+
+import numpy as np
+import pytest
+
+from dubbing.compositing.carried_jaw import CarriedHead, carried, jaw_motion, moving_share
+from dubbing.compositing.jaw_line import ANGLES
+from dubbing.face.face_contour import face_contour
+from dubbing.face.mesh_points import CHIN, NOSE_TIP
+from dubbing.face.mouth.mouth_shape import OUTER_LIP
+from tests import fakes
+
+S = 512
+MIDDLE = S // 2
+LANDMARKS = fakes.talking_face(S)
+CONTOUR = face_contour(LANDMARKS, S)
+END = round(LANDMARKS[CHIN, 1])
+BARE, ALL = np.ones((S, S), bool), np.full((S, S), 255, np.uint8)
+DRAWN = np.random.default_rng(0).integers(0, 256, (S // 4, S // 4, 3), dtype=np.uint8)
+IMAGE = DRAWN.repeat(4, 0).repeat(4, 1)
+LEARNED = (10, 200, 30)
+
+
+def disc(radius: float = END - MIDDLE) -> np.ndarray:
+    """A head (S, S) uint8 round the middle of the face."""
+    row, column = np.mgrid[:S, :S] - MIDDLE
+    soft = np.clip(0.5 + radius - np.hypot(row, column), 0, 1)
+    return (255 * soft).round().astype(np.uint8)
+
+
+def of_one_colour(opacity: np.ndarray) -> np.ndarray:
+    """A learned head (S, S, 4) uint8."""
+    alpha = opacity[..., None]
+    return np.dstack([alpha / 255 * np.array(LEARNED), alpha]).round().astype(np.uint8)
+
+
+def moved(
+    motion: tuple[float, float], opacity: np.ndarray, overlay: np.ndarray | None = None
+) -> CarriedHead:
+    """The round head with a jaw that moved."""
+    head = of_one_colour(opacity)
+    return carried(IMAGE, disc(), overlay, head, ALL, np.array(motion), LANDMARKS, CONTOUR)
+
+
+def motion_to(opacity: np.ndarray, bare: np.ndarray = BARE, offset: float = 0.0) -> np.ndarray:
+    offsets = np.full(len(ANGLES), offset)
+    return jaw_motion(disc(), opacity, bare, offsets, LANDMARKS, CONTOUR)
+
+
+@pytest.mark.parametrize("down", [-12.0, -3.0, 4.0, 14.0])
+def test_the_motion_of_a_jaw_is_found(down: float) -> None:
+    opacity = moved((0, down), disc(END + 40)).head[..., 3]
+    np.testing.assert_allclose(motion_to(opacity), (0, down), atol=0.1 * abs(down) + 0.3)
+
+
+def test_an_outline_that_is_off_with_the_films_own_words_is_no_motion() -> None:
+    assert abs(motion_to(disc(END - MIDDLE - 6))[1] + 6) < 2
+    np.testing.assert_allclose(motion_to(disc(END - MIDDLE - 6), offset=6), 0, atol=0.3)
+
+
+def test_a_dent_in_a_learned_chin_moves_nothing() -> None:
+    dented = disc()
+    dented[END - 25 :, MIDDLE - 20 : MIDDLE + 10] = 0
+    np.testing.assert_allclose(motion_to(dented), 0, atol=0.5)
+
+
+def test_a_jaw_that_is_covered_stays() -> None:
+    covered = BARE.copy()
+    covered[MIDDLE:] = False
+    assert not motion_to(disc(END - MIDDLE - 10), covered).any()
+
+
+def test_a_jaw_opens_down_and_in_profile_backwards() -> None:
+    profile = LANDMARKS.copy()
+    profile[NOSE_TIP] += (180, 0)
+    way = np.sign(jaw_motion(disc(), disc(END - MIDDLE + 8), BARE, None, profile, CONTOUR))
+    assert way.tolist() == [-1, 1]
+
+
+@pytest.mark.parametrize("down", [-10.0, 10.0])
+def test_the_films_chin_is_shown_elsewhere(down: float) -> None:
+    made = moved((0, down), disc(END - MIDDLE + down))
+    chin = np.s_[END - 14 : END - 4, MIDDLE - 10 : MIDDLE + 10]
+    there = np.roll(made.head[..., :3], -round(down), 0)[chin]
+    assert np.abs(there.astype(int) - IMAGE[chin]).max() <= 12
+    assert made.share[END - 14, MIDDLE] == 255
+    assert made.kept[END - 15, MIDDLE] == 1
+    outline = np.flatnonzero(made.head[:, MIDDLE, 3] > 127)[-1]
+    assert outline == pytest.approx(END + down, abs=1)
+
+
+def test_lips_are_those_of_the_learned_head_and_what_is_above_the_films() -> None:
+    made = moved((0, 8), disc())
+    x, y = LANDMARKS[list(OUTER_LIP)].mean(0).round().astype(int)
+    assert tuple(made.head[y, x]) == (*LEARNED, 255)
+    assert made.kept[y, x] == 0
+    away = moving_share(LANDMARKS, np.arange(S), np.arange(S)[:, None]) == 0
+    none = carried(
+        IMAGE, disc(), None, of_one_colour(disc()), 0 * ALL, np.zeros(2), LANDMARKS, CONTOUR
+    )
+    assert not none.share.any()
+    nothing_learned = carried(
+        IMAGE, disc(), None, of_one_colour(disc()), 0 * ALL, np.array([0, 8.0]), LANDMARKS, CONTOUR
+    )
+    assert not nothing_learned.share[away].any()
+    assert nothing_learned.share.any()
+
+
+def test_a_jaw_that_does_not_move_is_the_films_to_the_bit() -> None:
+    made = carried(
+        IMAGE, disc(), None, of_one_colour(disc()), 0 * ALL, np.zeros(2), LANDMARKS, CONTOUR
+    )
+    inside = made.kept == 1
+    assert inside[END - 10, MIDDLE]
+    np.testing.assert_array_equal(made.head[inside][:, :3], IMAGE[inside])
+
+
+def test_what_lies_over_the_jaw_does_not_move_with_it() -> None:
+    overlay = np.zeros((S, S), np.uint8)
+    overlay[END - 30 : END - 14, MIDDLE - 30 : MIDDLE + 30] = 255
+    made = moved((0, 10), disc(END - MIDDLE + 10), overlay)
+    assert not made.share[overlay == 255].any()
+    below = made.head[END - 12 : END - 6, MIDDLE, :3]  # where its pixels would come to lie
+    assert (below == LEARNED).all()
+
+
+def test_what_a_matte_holds_beside_the_face_stays_where_it_is() -> None:
+    """A collar, or a shoulder: neither the mesh nor the learned head has it."""
+    matte = disc()
+    matte[END + 20 : END + 40, MIDDLE - 30 : MIDDLE + 30] = 255
+    made = carried(
+        IMAGE, matte, None, of_one_colour(disc()), ALL, np.array([0, -8.0]), LANDMARKS, CONTOUR
+    )
+    collar = np.s_[END + 20 : END + 40, MIDDLE - 30 : MIDDLE + 30]
+    assert not made.share[collar].any()
+    assert not made.head[END + 13, MIDDLE, 3]
