@@ -158,9 +158,12 @@ def carried(
         landmarks: (478, 2) px. contour: of these.
     """
     size, unit = len(image), len(image) / REFERENCE_SIZE
+    out = np.dstack([np.zeros_like(image), matte])
+    changed, kept = np.zeros((size, size), np.uint8), np.zeros((size, size), np.float32)
     part = round_mouth(landmarks, size)
+    if not matte[part].size:  # the mouth is outside of the picture
+        return CarriedHead(out, changed, kept)
     y, x = (np.arange(i.start, i.stop, dtype=np.float32) for i in part)
-    height = from_lips(landmarks, x, y[:, None])[0]
     moving = moving_share(landmarks, x, y[:, None]).astype(np.float32)
     column, row = source(moving, motion, x, y)
     film = cv2.remap(image, column, row, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
@@ -171,7 +174,7 @@ def carried(
     opacity = opacity * falling(distance(~new) / unit, BESIDE)
     lips = distance(~swept(lip_region(landmarks, size)[part], motion)) / unit
     depth = np.minimum(*(distance(a > HALF) for a in (opacity, own[..., 3]))) / unit
-    below = np.clip(-height / BELOW, 0, 1)
+    below = np.clip(-from_lips(landmarks, x, y[:, None])[0] / BELOW, 0, 1)
     shown = np.minimum(1 - falling(depth, INSIDE), 1 - below * (1 - falling(lips, NEAR)))
     # The outline of the nose, and of what is above the lips, is the film's.
     speaking = 1 - skull_share(landmarks, size)[part]
@@ -181,12 +184,9 @@ def carried(
         over = cv2.remap(overlay, column, row, cv2.INTER_LINEAR)
         shown = np.maximum(shown, cv2.dilate(over, AROUND) / np.float32(255))
     shown = (shown * share[part] / 255).astype(np.float32)
-    kept = np.zeros((size, size), np.float32)
     kept[part] = (1 - shown) * opacity / 255
-    out = np.dstack([np.zeros_like(image), matte])
     both = spread(kept[part]) * film + spread(shown) * own[..., :3]
     out[part] = rounded(np.dstack([both, 255 * kept[part] + shown * own[..., 3]]))
-    changed = np.zeros((size, size), np.uint8)
     moved = np.clip(np.hypot(*motion) / unit * moving, 0, 1)
     # What lies away from the jaw, here and where the film has it, stays where it is.
     heads = new | (face > HALF) | swept(learned, -motion)

@@ -134,3 +134,11 @@ def test_what_a_matte_holds_beside_the_face_stays_where_it_is() -> None:
     collar = np.s_[END + 20 : END + 40, MIDDLE - 30 : MIDDLE + 30]
     assert not made.share[collar].any()
     assert not made.head[END + 13, MIDDLE, 3]
+
+
+def test_a_mouth_outside_of_the_picture_changes_nothing() -> None:
+    away = LANDMARKS + np.array([3 * S, 0])
+    head, contour = of_one_colour(disc()), face_contour(away, S)
+    assert not jaw_motion(disc(), disc(), BARE, None, away, contour).any()
+    made = carried(IMAGE, disc(), None, head, ALL, np.zeros(2), away, contour)
+    assert not made.share.any()

@@ -222,6 +222,13 @@ def test_a_face_of_which_nothing_is_replaced_stays() -> None:
     assert not mask.any()
 
 
+def test_a_mouth_outside_of_the_picture_is_not_replaced() -> None:
+    image, background, _, head = scene()
+    frame = film(image, np.zeros((S, S), np.uint8), background)
+    _, mask, _ = replacement(replace(frame, landmarks=frame.landmarks + 3 * S), head)
+    assert not mask.any()
+
+
 def test_a_head_that_is_haze_is_none() -> None:
     _, background, inpaint_mask, head = scene()
     assert not without_haze(head // 8, inpaint_mask, background).any()
