@@ -42,7 +42,6 @@ OBLIQUE = 0.2  # cosine between a ray and an outline's normal: the least that co
 STILL, MOVING = 0.02, -0.08
 TOLD = 0.05  # of the jaw's motion: points that move less tell nothing of it
 LIPS = (8.0, 20.0)  # px from the lips between which the outline begins to be the jaw's
-SETTLED = 3  # rounds in which the place a pixel comes from is found
 # The learned head is shown in full near the lips and away from the outline, px; below the middle of
 # the lips, from this share of the face's height on, near them alone.
 MOUTH, INSIDE, NEAR, BELOW = (18.0, 36.0), (5.0, 24.0), (14.0, 46.0), 0.06
@@ -165,7 +164,8 @@ def carried(
         return CarriedHead(out, changed, kept)
     y, x = (np.arange(i.start, i.stop, dtype=np.float32) for i in part)
     moving = moving_share(landmarks, x, y[:, None]).astype(np.float32)
-    column, row = source(moving, motion, x, y)
+    across, down = motion.astype(np.float32)
+    column, row = x - across * moving, y[:, None] - down * moving
     film = cv2.remap(image, column, row, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
     opacity = cv2.remap(matte, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     own = head[part]
@@ -195,23 +195,6 @@ def carried(
     if overlay is not None:
         changed = np.minimum(changed, 255 - overlay)
     return CarriedHead(out, changed, kept)
-
-
-def source(
-    moving: np.ndarray, motion: np.ndarray, x: np.ndarray, y: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Columns and rows (H, W) that pixels of a part of an image come from.
-
-    Args:
-        moving: (H, W) float32, share of the motion (2,) px that each pixel of the film moves by.
-        x: (W,), y: (H,) float32, columns and rows of the part.
-    """
-    across, down = motion.astype(np.float32)
-    come = moving
-    for _ in range(SETTLED):
-        column, row = x - across * come, y[:, None] - down * come
-        come = cv2.remap(moving, column - x[0], row - y[0], cv2.INTER_LINEAR)
-    return column, row
 
 
 def swept(region: np.ndarray, motion: np.ndarray) -> np.ndarray:

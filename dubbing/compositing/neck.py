@@ -133,7 +133,9 @@ def above_clothes(opacity: np.ndarray, neck: Neck) -> np.ndarray:
     away = cv2.distanceTransform(free, cv2.DIST_L2, 3) / unit
     below = np.clip(neck.low[columns].astype(int) - rows.start, 0, len(away) - 1)
     gap = gaussian_filter1d(away[below, np.arange(len(below))], EVEN * unit)
-    out[rows, columns] = neck.clothes[columns] * np.clip(2 - gap / NEARLY, 0, 1)
+    row = np.arange(rows.start, rows.stop)[:, None]
+    here = row > neck.low[columns] - 2 * NEARLY * unit
+    out[rows, columns] = here * neck.clothes[columns] * np.clip(2 - gap / NEARLY, 0, 1)
     return out
 
 

@@ -163,7 +163,7 @@ def test_a_head_that_ends_too_early_leaves_the_films_nose_and_not_its_lips() -> 
     matte = np.where(np.hypot(*(np.mgrid[:S, :S] - S // 2)) < 100, 255, 0).astype(np.uint8)
     head[:, S // 2 + 10 :] = 0
     points = fakes.talking_face(S)
-    points[list(OUTER_LIP)] -= (0, 50)
+    points[list(OUTER_LIP)] -= (0, 110)  # close to the nose
     frame = replace(film(image, matte, background), landmarks=points)
     shown = blend(image, *replacement(frame, head)[:2])
     nose, lips = round(points[NOSE_BASE, 1]) - 3, round(points[list(OUTER_LIP), 1].mean())
