@@ -45,7 +45,7 @@ LIPS = (8.0, 20.0)  # px from the lips between which the outline begins to be th
 # The learned head is shown in full near the lips and away from the outline, px; below the middle of
 # the lips, from this share of the face's height on, near them alone.
 MOUTH, INSIDE, NEAR, BELOW = (18.0, 36.0), (5.0, 24.0), (14.0, 46.0), 0.06
-BESIDE = (7.0, 11.0)  # px beyond face and learned head where a matte holds something else
+BESIDE = (14.0, 20.0)  # px beyond face and learned head where a matte holds something else
 HALF = 127  # of 255
 STEP = 4.0  # px of a way
 AROUND = np.ones((5, 5), np.uint8)
@@ -178,7 +178,9 @@ def carried(
     shown = np.minimum(1 - falling(depth, INSIDE), 1 - below * (1 - falling(lips, NEAR)))
     # The outline of the nose, and of what is above the lips, is the film's.
     speaking = 1 - skull_share(landmarks, size)[part]
-    shown = np.maximum(shown, speaking * falling(lips, MOUTH))
+    # Where a learned profile is dented beside the lips, there is the film's skin.
+    solid = np.maximum(own[..., 3] / np.float32(255), falling(lips, LIPS))
+    shown = np.maximum(shown, speaking * solid * falling(lips, MOUTH))
     if overlay is not None:
         # What lies over the film's jaw does not move with it.
         over = cv2.remap(overlay, column, row, cv2.INTER_LINEAR)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from scipy.ndimage import gaussian_filter1d, grey_opening, median_filter
+from scipy.ndimage import gaussian_filter1d, grey_dilation, grey_opening, median_filter
 
 from dubbing.compositing.face_mask import jaw_share
 from dubbing.face.face_contour import FaceContour
@@ -31,9 +31,9 @@ SKIN, SHADED = 0.05, 0.08
 DARK, GAP = 0.45, 0.25
 TOO_FEW, ENOUGH = 8.0, 20.0  # px of neck below the chin to stretch
 EDGE = 3.0  # px of neck that the edge of a collar shades
+UPRIGHT = 2.0, 3.0  # px down a px across, up to which an outline lies above something
 NARROW = 10.0  # px: fewer columns beside one another are no neck
 PUSHED = 0.25  # of a neck's length: shorter it is not drawn, and in full from twice as much on
-HALF = 128  # of 255: opacity at an outline
 # Px that a jaw may rise from clothes, over as many more of which its old edge fades; px over which
 # that is even.
 NEARLY, EVEN = 5.0, 6.0
@@ -67,6 +67,9 @@ class Neck:
         # In a collar's shade some columns seem to be neck, and those beside them not.
         room = median_filter(room_below(image, low, jaw > 0), 2 * wide + 1)
         enough = np.clip((room / unit - TOO_FEW) / (ENOUGH - TOO_FEW), 0, 1)
+        # The front of a profile lies above neither.
+        upright = grey_dilation(np.abs(np.gradient(low)), wide)
+        jaw = jaw * np.clip((UPRIGHT[1] - upright) / (UPRIGHT[1] - UPRIGHT[0]), 0, 1)
         clothes = gaussian_filter1d(grey_opening(jaw * (1 - enough), wide), EDGE * unit)
         return cls(low, room, jaw * enough, clothes)
 
@@ -124,19 +127,12 @@ def above_clothes(opacity: np.ndarray, neck: Neck) -> np.ndarray:
     Args:
         opacity: (S, S) uint8 of the head whose jaw moved. neck: of the film.
     """
-    out = np.zeros(opacity.shape, np.float32)
-    rows, columns = extent((opacity < HALF) & (neck.clothes > 0))
-    if not out[rows, columns].size:
-        return out
-    unit = len(opacity) / REFERENCE_SIZE
-    free = (opacity[rows, columns] < HALF).astype(np.uint8)
-    away = cv2.distanceTransform(free, cv2.DIST_L2, 3) / unit
-    below = np.clip(neck.low[columns].astype(int) - rows.start, 0, len(away) - 1)
-    gap = gaussian_filter1d(away[below, np.arange(len(below))], EVEN * unit)
-    row = np.arange(rows.start, rows.stop)[:, None]
-    here = row > neck.low[columns] - 2 * NEARLY * unit
-    out[rows, columns] = here * neck.clothes[columns] * np.clip(2 - gap / NEARLY, 0, 1)
-    return out
+    reach = 2 * NEARLY * len(opacity) / REFERENCE_SIZE
+    gap = np.clip(neck.low - bottom(opacity), 0, reach)
+    even = gaussian_filter1d(gap, EVEN * len(opacity) / REFERENCE_SIZE)
+    share = neck.clothes * np.clip(2 - 2 * even / reach, 0, 1)
+    near = np.arange(len(opacity))[:, None] > neck.low - reach
+    return (share * near).astype(np.float32)
 
 
 def bottom(head: np.ndarray) -> np.ndarray:

@@ -127,13 +127,13 @@ def test_what_lies_over_the_jaw_does_not_move_with_it() -> None:
 def test_what_a_matte_holds_beside_the_face_stays_where_it_is() -> None:
     """A collar, or a shoulder: neither the mesh nor the learned head has it."""
     matte = disc()
-    matte[END + 20 : END + 40, MIDDLE - 30 : MIDDLE + 30] = 255
+    matte[END + 29 : END + 45, MIDDLE - 30 : MIDDLE + 30] = 255
     made = carried(
         IMAGE, matte, None, of_one_colour(disc()), ALL, np.array([0, -8.0]), LANDMARKS, CONTOUR
     )
-    collar = np.s_[END + 20 : END + 40, MIDDLE - 30 : MIDDLE + 30]
+    collar = np.s_[END + 29 : END + 45, MIDDLE - 30 : MIDDLE + 30]
     assert not made.share[collar].any()
-    assert not made.head[END + 13, MIDDLE, 3]
+    assert not made.head[END + 22, MIDDLE, 3]
 
 
 def test_a_mouth_outside_of_the_picture_changes_nothing() -> None:
