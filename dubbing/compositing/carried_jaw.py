@@ -23,7 +23,7 @@ from dubbing.compositing.face_mask import (
     round_mouth,
     skull_share,
 )
-from dubbing.compositing.jaw_line import ANGLES, UNLIKE, radii
+from dubbing.compositing.jaw_line import ANGLES, radii
 from dubbing.face.face_contour import FaceContour
 from dubbing.face.mesh_points import CHIN, FOREHEAD_TOP, LEFT_EAR, NOSE_TIP, RIGHT_EAR
 from dubbing.face.mouth.lip_region import lip_region
@@ -32,11 +32,15 @@ from dubbing.preparation.background.pixels import rounded, spread
 from dubbing.preparation.matting.matting import REFERENCE_SIZE
 
 RAYS = np.arange(192) * (2 * np.pi / 192)  # from the middle of the face, as `ANGLES`
+FURTHEST = 80.0  # px between outlines of one jaw
 FEWEST = 12  # rays that must meet a jaw
 EVEN = 1.5  # rays over which an outline's direction is smoothed
 # Of a jaw that opens, by how much a chin goes back while it goes down; from the tip of the nose to
 # the ears, in heights of the face.
 BACK, DEEP = 0.8, 0.6
+# Px by which a chin rises, and parts of the way it opens that lie across the face, between which it
+# comes off the clothes that it touches.
+RISE, TURNED = (12.0, 24.0), (0.34, 0.5)
 OBLIQUE = 0.2  # cosine between a ray and an outline's normal: the least that counts
 # Heights above the middle of the lips, of the face's, between which the jaw's motion fades out.
 STILL, MOVING = 0.02, -0.08
@@ -81,7 +85,7 @@ def jaw_motion(
     lips = np.linalg.norm(points[:, None] - landmarks[list(OUTER_LIP)], axis=2).min(1) / unit
     share = moving_share(landmarks, points[:, 0], points[:, 1])
     told = (jaw_share(contour, RAYS) > 0) & (share > TOLD) & (lips > LIPS[0])
-    told &= bare[y, x] & (np.abs(away) < UNLIKE * unit)
+    told &= bare[y, x] & (np.abs(away) < FURTHEST * unit)
     if told.sum() < FEWEST:
         return np.zeros(2)
     even = gaussian_filter1d(points, EVEN, axis=0, mode="wrap")
@@ -106,6 +110,20 @@ def opening_way(landmarks: np.ndarray) -> np.ndarray:
     height = max(float(np.hypot(*down)), 1.0)
     back = landmarks[[LEFT_EAR, RIGHT_EAR]].mean(0) - landmarks[NOSE_TIP]
     return np.asarray((down + BACK * back / DEEP) / height)
+
+
+def touching(motion: np.ndarray, landmarks: np.ndarray, size: int) -> float:
+    """Share 0..1 of a jaw that rises that stays where it touches clothes.
+
+    Nobody has seen what a chin that rises a little uncovers there. It is skin, so skin stretches.
+    Behind a head that turns there is a wall, too, which other frames show.
+    """
+    way = opening_way(landmarks)
+    down = landmarks[CHIN] - landmarks[FOREHEAD_TOP]
+    down = down / max(float(np.hypot(*down)), 1.0)
+    rise = -float(motion @ down) * REFERENCE_SIZE / size
+    turned = abs(float(way[0] * down[1] - way[1] * down[0]))
+    return float((rise > 0) * falling(np.array(rise), RISE) * falling(np.array(turned), TURNED))
 
 
 def moving_share(landmarks: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -143,6 +161,7 @@ def carried(
     head: np.ndarray,
     share: np.ndarray,
     motion: np.ndarray,
+    held: np.ndarray,
     landmarks: np.ndarray,
     contour: FaceContour,
 ) -> CarriedHead:
@@ -153,7 +172,7 @@ def carried(
         overlay: (S, S) uint8, what lies over the face; None where nothing does.
         head: (S, S, 4) uint8, the learned one, colour premultiplied by opacity, and opacity.
         share: (S, S) uint8, how much of each pixel may be the learned head's.
-        motion: (2,) px, see `jaw_motion`.
+        motion: (2,) px, see `jaw_motion`. held: (S,) share of each column that does not move.
         landmarks: (478, 2) px. contour: of these.
     """
     size, unit = len(image), len(image) / REFERENCE_SIZE
@@ -163,7 +182,8 @@ def carried(
     if not matte[part].size:  # the mouth is outside of the picture
         return CarriedHead(out, changed, kept)
     y, x = (np.arange(i.start, i.stop, dtype=np.float32) for i in part)
-    moving = moving_share(landmarks, x, y[:, None]).astype(np.float32)
+    moving = moving_share(landmarks, x, y[:, None]) * (1 - held[part[1]])
+    moving = moving.astype(np.float32)
     across, down = motion.astype(np.float32)
     column, row = x - across * moving, y[:, None] - down * moving
     film = cv2.remap(image, column, row, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)

@@ -6,11 +6,11 @@ S side of the crop in px. All lengths are given for S = 512 and scale with it.
 import cv2
 import numpy as np
 
-from dubbing.compositing.carried_jaw import carried, jaw_motion
+from dubbing.compositing.carried_jaw import carried, jaw_motion, touching
 from dubbing.compositing.face_mask import face_mask
 from dubbing.compositing.film_look import in_focus
 from dubbing.compositing.light import follow_light
-from dubbing.compositing.neck import Neck, above_clothes, with_neck
+from dubbing.compositing.neck import Neck, with_neck
 from dubbing.compositing.skin_detail import with_detail_of
 from dubbing.face.face_contour import face_contour
 from dubbing.preparation.background.pixels import extent, rounded, spread
@@ -58,11 +58,10 @@ def replacement(film: FilmFrame, head: np.ndarray) -> tuple[np.ndarray, np.ndarr
     lit = in_focus(film.image, lit, person & (share < HALF), film.noise, film.motion)
     lit = with_detail_of(film.image, person, lit, share > 0, landmarks, film.noise)
     motion = jaw_motion(film.matte, lit[..., 3], bare, film.jaw, landmarks, contour)
-    made = carried(image, film.matte, film.overlay, lit, share, motion, landmarks, contour)
     neck = Neck.of(image, film.matte, contour)
+    held = neck.clothes * touching(motion, landmarks, size)
+    made = carried(image, film.matte, film.overlay, lit, share, motion, held, landmarks, contour)
     under, stretched = with_neck(image, film.background, neck, made.head[..., 3])
-    own = (above_clothes(made.head[..., 3], neck) * 255).round().astype(np.uint8)
-    under = blend(under, image, own)
     picture, mask = composite(under, film.restored | stretched, made.head, made.share)
     return picture, mask, (mask * (1 - made.kept)).round().astype(np.uint8)
 

@@ -34,9 +34,7 @@ EDGE = 3.0  # px of neck that the edge of a collar shades
 UPRIGHT = 2.0, 3.0  # px down a px across, up to which an outline lies above something
 NARROW = 10.0  # px: fewer columns beside one another are no neck
 PUSHED = 0.25  # of a neck's length: shorter it is not drawn, and in full from twice as much on
-# Px that a jaw may rise from clothes, over as many more of which its old edge fades; px over which
-# that is even.
-NEARLY, EVEN = 5.0, 6.0
+EVEN = 12.0  # px, standard deviation: along a collar
 UNDER = 12.0  # px that the neck extends under the edge of the head
 
 
@@ -47,7 +45,7 @@ class Neck:
     Attributes:
         low: (S,) row below which none of the jaw shows. room: (S,) px of neck below it.
         share: (S,) share of the jaw that has enough neck to be stretched.
-        clothes: (S,) share of the jaw that touches clothes, or what else is no neck.
+        clothes: (S,) share of each column in which it touches clothes, or what else is no neck.
     """
 
     low: np.ndarray
@@ -69,9 +67,9 @@ class Neck:
         enough = np.clip((room / unit - TOO_FEW) / (ENOUGH - TOO_FEW), 0, 1)
         # The front of a profile lies above neither.
         upright = grey_dilation(np.abs(np.gradient(low)), wide)
-        jaw = jaw * np.clip((UPRIGHT[1] - upright) / (UPRIGHT[1] - UPRIGHT[0]), 0, 1)
-        clothes = gaussian_filter1d(grey_opening(jaw * (1 - enough), wide), EDGE * unit)
-        return cls(low, room, jaw * enough, clothes)
+        level = np.clip((UPRIGHT[1] - upright) / (UPRIGHT[1] - UPRIGHT[0]), 0, 1)
+        clothes = grey_opening((jaw > 0) * level * (1 - enough), wide)
+        return cls(low, room, jaw * level * enough, gaussian_filter1d(clothes, EVEN * unit))
 
 
 def with_neck(
@@ -117,22 +115,6 @@ def with_neck(
     blended = below + weight[..., None] * (stretched.astype(np.float32) - below)
     out[rows, columns], changed[rows, columns] = blended.round(), weight > 0
     return out, changed
-
-
-def above_clothes(opacity: np.ndarray, neck: Neck) -> np.ndarray:
-    """Share (S, S) float32 of the film's own pixels below a jaw that rises a little from clothes.
-
-    What is behind it there nobody has seen: it is the skin that touched them.
-
-    Args:
-        opacity: (S, S) uint8 of the head whose jaw moved. neck: of the film.
-    """
-    reach = 2 * NEARLY * len(opacity) / REFERENCE_SIZE
-    gap = np.clip(neck.low - bottom(opacity), 0, reach)
-    even = gaussian_filter1d(gap, EVEN * len(opacity) / REFERENCE_SIZE)
-    share = neck.clothes * np.clip(2 - 2 * even / reach, 0, 1)
-    near = np.arange(len(opacity))[:, None] > neck.low - reach
-    return (share * near).astype(np.float32)
 
 
 def bottom(head: np.ndarray) -> np.ndarray:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dubbing.compositing.carried_jaw import CarriedHead, carried, jaw_motion, moving_share
+from dubbing.compositing.carried_jaw import CarriedHead, carried, jaw_motion, moving_share, touching
 from dubbing.compositing.jaw_line import ANGLES
 from dubbing.face.face_contour import face_contour
 from dubbing.face.mesh_points import CHIN, NOSE_TIP
@@ -15,6 +15,7 @@ MIDDLE = S // 2
 LANDMARKS = fakes.talking_face(S)
 CONTOUR = face_contour(LANDMARKS, S)
 END = round(LANDMARKS[CHIN, 1])
+FREE = np.zeros(S)
 BARE, ALL = np.ones((S, S), bool), np.full((S, S), 255, np.uint8)
 DRAWN = np.random.default_rng(0).integers(0, 256, (S // 4, S // 4, 3), dtype=np.uint8)
 IMAGE = DRAWN.repeat(4, 0).repeat(4, 1)
@@ -39,7 +40,7 @@ def moved(
 ) -> CarriedHead:
     """The round head with a jaw that moved."""
     head = of_one_colour(opacity)
-    return carried(IMAGE, disc(), overlay, head, ALL, np.array(motion), LANDMARKS, CONTOUR)
+    return carried(IMAGE, disc(), overlay, head, ALL, np.array(motion), FREE, LANDMARKS, CONTOUR)
 
 
 def motion_to(opacity: np.ndarray, bare: np.ndarray = BARE, offset: float = 0.0) -> np.ndarray:
@@ -47,7 +48,7 @@ def motion_to(opacity: np.ndarray, bare: np.ndarray = BARE, offset: float = 0.0)
     return jaw_motion(disc(), opacity, bare, offsets, LANDMARKS, CONTOUR)
 
 
-@pytest.mark.parametrize("down", [-12.0, -3.0, 4.0, 14.0])
+@pytest.mark.parametrize("down", [-40.0, -12.0, -3.0, 4.0, 14.0])
 def test_the_motion_of_a_jaw_is_found(down: float) -> None:
     opacity = moved((0, down), disc(END + 40)).head[..., 3]
     np.testing.assert_allclose(motion_to(opacity), (0, down), atol=0.1 * abs(down) + 0.3)
@@ -96,11 +97,19 @@ def test_lips_are_those_of_the_learned_head_and_what_is_above_the_films() -> Non
     assert made.kept[y, x] == 0
     away = moving_share(LANDMARKS, np.arange(S), np.arange(S)[:, None]) == 0
     none = carried(
-        IMAGE, disc(), None, of_one_colour(disc()), 0 * ALL, np.zeros(2), LANDMARKS, CONTOUR
+        IMAGE, disc(), None, of_one_colour(disc()), 0 * ALL, np.zeros(2), FREE, LANDMARKS, CONTOUR
     )
     assert not none.share.any()
     nothing_learned = carried(
-        IMAGE, disc(), None, of_one_colour(disc()), 0 * ALL, np.array([0, 8.0]), LANDMARKS, CONTOUR
+        IMAGE,
+        disc(),
+        None,
+        of_one_colour(disc()),
+        0 * ALL,
+        np.array([0, 8.0]),
+        FREE,
+        LANDMARKS,
+        CONTOUR,
     )
     assert not nothing_learned.share[away].any()
     assert nothing_learned.share.any()
@@ -108,7 +117,7 @@ def test_lips_are_those_of_the_learned_head_and_what_is_above_the_films() -> Non
 
 def test_a_jaw_that_does_not_move_is_the_films_to_the_bit() -> None:
     made = carried(
-        IMAGE, disc(), None, of_one_colour(disc()), 0 * ALL, np.zeros(2), LANDMARKS, CONTOUR
+        IMAGE, disc(), None, of_one_colour(disc()), 0 * ALL, np.zeros(2), FREE, LANDMARKS, CONTOUR
     )
     inside = made.kept == 1
     assert inside[END - 10, MIDDLE]
@@ -129,16 +138,55 @@ def test_what_a_matte_holds_beside_the_face_stays_where_it_is() -> None:
     matte = disc()
     matte[END + 29 : END + 45, MIDDLE - 30 : MIDDLE + 30] = 255
     made = carried(
-        IMAGE, matte, None, of_one_colour(disc()), ALL, np.array([0, -8.0]), LANDMARKS, CONTOUR
+        IMAGE,
+        matte,
+        None,
+        of_one_colour(disc()),
+        ALL,
+        np.array([0, -8.0]),
+        FREE,
+        LANDMARKS,
+        CONTOUR,
     )
     collar = np.s_[END + 29 : END + 45, MIDDLE - 30 : MIDDLE + 30]
     assert not made.share[collar].any()
     assert not made.head[END + 22, MIDDLE, 3]
 
 
+@pytest.mark.parametrize(
+    ("down", "turn", "expected"),
+    [(-8.0, 0.0, 1.0), (8.0, 0.0, 0.0), (-30.0, 0.0, 0.0), (-8.0, 160.0, 0.0)],
+)
+def test_a_chin_that_rises_a_little_stays_on_clothes(
+    down: float, turn: float, expected: float
+) -> None:
+    """One that falls covers them; behind a head that turns other frames show the wall."""
+    face = LANDMARKS.copy()
+    face[NOSE_TIP] += (turn, 0)
+    assert touching(np.array([0, down]), face, S) == expected
+
+
+def test_what_is_held_does_not_move() -> None:
+    held = np.zeros(S)
+    held[:MIDDLE] = 1
+    made = carried(
+        IMAGE,
+        disc(),
+        None,
+        of_one_colour(disc()),
+        ALL,
+        np.array([0, -10.0]),
+        held,
+        LANDMARKS,
+        CONTOUR,
+    )
+    ends = [np.flatnonzero(made.head[:, MIDDLE + k, 3] > 127)[-1] for k in (-12, 12)]
+    assert ends[0] - ends[1] == pytest.approx(10, abs=1)
+
+
 def test_a_mouth_outside_of_the_picture_changes_nothing() -> None:
     away = LANDMARKS + np.array([3 * S, 0])
     head, contour = of_one_colour(disc()), face_contour(away, S)
     assert not jaw_motion(disc(), disc(), BARE, None, away, contour).any()
-    made = carried(IMAGE, disc(), None, head, ALL, np.zeros(2), away, contour)
+    made = carried(IMAGE, disc(), None, head, ALL, np.zeros(2), FREE, away, contour)
     assert not made.share.any()

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from dubbing.compositing.neck import Neck, above_clothes, bottom, with_neck
+from dubbing.compositing.neck import Neck, bottom, with_neck
 from dubbing.face.face_contour import FaceContour, face_contour
 from tests import fakes
 
@@ -158,15 +158,13 @@ def test_a_narrow_strip_of_skin_is_no_neck() -> None:
     assert not where[:, below].any()
 
 
-def test_above_clothes_the_films_skin_fades_without_stripes() -> None:
-    """The row where clothes begin jitters from column to column."""
-    x = np.arange(S) - S / 2
-    low = S / 2 + np.sqrt(np.maximum((FILM + 4) ** 2 - x**2, 0)) + np.arange(S) % 2
-    neck = Neck(low, np.zeros(S), np.zeros(S), np.ones(S))
-    share = above_clothes(disc(FILM), neck)
-    below = share[S // 2 + FILM + 2, S // 2 - 20 : S // 2 + 20]
-    assert np.abs(np.diff(below)).max() < 0.03
-    assert 0.1 < below.min() < below.max() < 0.9
+def test_the_front_of_a_profile_lies_above_nothing() -> None:
+    image, _, matte, contour = scene(collar=FILM + 4)
+    matte[:, S // 2 + 20 :] = 0
+    found = Neck.of(image, matte, contour)
+    assert (found.clothes[S // 2 - 30 : S // 2] > 0.9).all()
+    assert found.clothes[S // 2 + 20] < 0.5
+    assert not found.share[S // 2 + 12 : S // 2 + 28].any()
 
 
 def test_the_lower_end_of_a_head_is_found_between_pixels() -> None:
