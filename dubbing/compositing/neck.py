@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from scipy.ndimage import gaussian_filter1d, grey_dilation, grey_opening, median_filter
+from scipy.ndimage import gaussian_filter1d, grey_opening, median_filter
 
 from dubbing.compositing.face_mask import jaw_share
 from dubbing.face.face_contour import FaceContour
@@ -31,7 +31,6 @@ SKIN, SHADED = 0.05, 0.08
 DARK, GAP = 0.45, 0.25
 TOO_FEW, ENOUGH = 8.0, 20.0  # px of neck below the chin to stretch
 EDGE = 3.0  # px of neck that the edge of a collar shades
-UPRIGHT = 2.0, 3.0  # px down a px across, up to which an outline lies above something
 NARROW = 10.0  # px: fewer columns beside one another are no neck
 PUSHED = 0.25  # of a neck's length: shorter it is not drawn, and in full from twice as much on
 EVEN = 12.0  # px, standard deviation: along a collar
@@ -65,11 +64,8 @@ class Neck:
         # In a collar's shade some columns seem to be neck, and those beside them not.
         room = median_filter(room_below(image, low, jaw > 0), 2 * wide + 1)
         enough = np.clip((room / unit - TOO_FEW) / (ENOUGH - TOO_FEW), 0, 1)
-        # The front of a profile lies above neither.
-        upright = grey_dilation(np.abs(np.gradient(low)), wide)
-        level = np.clip((UPRIGHT[1] - upright) / (UPRIGHT[1] - UPRIGHT[0]), 0, 1)
-        clothes = grey_opening((jaw > 0) * level * (1 - enough), wide)
-        return cls(low, room, jaw * level * enough, gaussian_filter1d(clothes, EVEN * unit))
+        clothes = grey_opening((jaw > 0) * (1 - enough), wide)
+        return cls(low, room, jaw * enough, gaussian_filter1d(clothes, EVEN * unit))
 
 
 def with_neck(

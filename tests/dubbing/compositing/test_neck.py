@@ -158,15 +158,6 @@ def test_a_narrow_strip_of_skin_is_no_neck() -> None:
     assert not where[:, below].any()
 
 
-def test_the_front_of_a_profile_lies_above_nothing() -> None:
-    image, _, matte, contour = scene(collar=FILM + 4)
-    matte[:, S // 2 + 20 :] = 0
-    found = Neck.of(image, matte, contour)
-    assert (found.clothes[S // 2 - 30 : S // 2] > 0.9).all()
-    assert found.clothes[S // 2 + 20] < 0.5
-    assert not found.share[S // 2 + 12 : S // 2 + 28].any()
-
-
 def test_the_lower_end_of_a_head_is_found_between_pixels() -> None:
     found = bottom(disc(77.5))
     across = np.abs(np.arange(S) - S / 2) < 60
