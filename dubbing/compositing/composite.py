@@ -20,14 +20,9 @@ from dubbing.preparation.matting.matting import REFERENCE_SIZE
 OPEN_JAW_PX = 30  # beyond the inpaint mask where an open jaw may lie; it fades over as much again
 INPAINT = 3  # px round letters from which the neck behind them is inpainted
 HALF, OPAQUE = 128, 250  # of 255
-# A learned head's edge is wider than a film's, the more the larger the face is: opacities are moved
-# away from the middle, until they rise by STEEP levels a px, or are GAINS times as far from it.
-# A chin over a neck of its colour stays soft: CONTRAST levels from which on an edge is an edge, and
-# in full. They are measured within AWAY px of it, on every SKIPPED px.
-STEEP, GAINS = 70.0, (1.6, 5.0)
-CONTRAST, AWAY, SKIPPED = (8.0, 28.0), 20, 4
-HAZE = HALF - HALF / GAINS[0]  # opacity up to which there is no head
-EDGE, ALONG = 64, (15, 15)  # levels from the middle that belong to an edge; px in which it is alike
+# A learned head's edge is wider than a film's: opacities are CRISP times as far from the middle.
+CRISP = 1.6
+HAZE = HALF - HALF / CRISP  # opacity up to which there is no head
 FEATHER = 6  # px, inside the edge; less than the inpaint mask is wider than the old head
 
 
@@ -47,7 +42,7 @@ def replacement(film: FilmFrame, head: np.ndarray) -> tuple[np.ndarray, np.ndarr
     size = len(image)
     bare = np.ones((size, size), bool) if film.overlay is None else film.overlay == 0
     contour = face_contour(landmarks, size)
-    clean = without_haze(head, film.restored, film.background)
+    clean = without_haze(head, film.restored)
     lit = follow_light(image, film.matte, clean, landmarks, film.haze, film.overlay)
     if film.overlay is not None:
         image = cv2.inpaint(image, film.overlay, INPAINT, cv2.INPAINT_TELEA)
@@ -105,55 +100,25 @@ def blend(image: np.ndarray, over: np.ndarray, mask: np.ndarray) -> np.ndarray:
     return out
 
 
-def without_haze(head: np.ndarray, restored: np.ndarray, behind: np.ndarray) -> np.ndarray:
-    """A head (S, S, 4) without haze, with crisp edges, and without floaters far from its place.
+def without_haze(head: np.ndarray, restored: np.ndarray) -> np.ndarray:
+    """A head (S, S, 4) without haze, and without floaters far from its place.
 
     Args:
         restored: (S, S) bool, the inpaint mask: from `OPEN_JAW_PX` beyond it opacity fades.
-        behind: (S, S, 3) uint8, the background.
     """
     reach = OPEN_JAW_PX * len(head) / REFERENCE_SIZE
     away = cv2.distanceTransform((~restored).astype(np.uint8), cv2.DIST_L2, 3)
     if not restored.any():
         away = np.zeros_like(away)
     out = np.zeros_like(head)
-    part = extent(head[..., 3] > HAZE, 2 * AWAY)
+    part = extent(head[..., 3] > HAZE)
     if not out[part].size:
         return out
-    crisp = crispened(head[part], behind[part]) / np.maximum(head[part][..., 3], np.float32(1))
+    alpha = np.maximum(head[part][..., 3], np.float32(1))
+    crisp = np.clip(HALF + CRISP * (alpha - HALF), 0, 255) / alpha
     keep = np.clip(2 - away[part] / max(reach, 1.0), 0, 1) * crisp
     out[part] = rounded(head[part] * spread(keep, 4))
     return out
-
-
-def crispened(head: np.ndarray, behind: np.ndarray) -> np.ndarray:
-    """Opacities (H, W) of a head (H, W, 4) with steep edges and without haze, float32 0..255."""
-    alpha = head[..., 3].astype(np.float32)
-    smooth = cv2.GaussianBlur(alpha, (0, 0), 0.6)
-    across, down = (cv2.Sobel(smooth, cv2.CV_32F, *way, scale=1 / 8) for way in ((1, 0), (0, 1)))
-    edge = np.float32(1) * (np.abs(alpha - HALF) < EDGE)
-    slope, count = (cv2.blur(x, ALONG) for x in (edge * cv2.magnitude(across, down), edge))
-    gain = np.clip(STEEP * count / np.maximum(slope, 1e-3), *GAINS)
-    gain = 1 + contrast(head, behind) * (gain - 1)
-    return np.clip(HALF + gain * (alpha - HALF), 0, 255)
-
-
-def contrast(head: np.ndarray, behind: np.ndarray) -> np.ndarray:
-    """How much a head (H, W, 4) differs from what is behind it beside its edges, (H, W) in 0..1.
-
-    Where it has no edge nearby, that says nothing.
-    """
-    some = np.s_[::SKIPPED, ::SKIPPED]
-    opacity = head[..., 3][some]
-    side = (2 * AWAY // SKIPPED + 1,) * 2
-    colours = []
-    for image, counts in ((head, opacity >= OPAQUE), (behind, opacity <= 255 - OPAQUE)):
-        weight = counts.astype(np.float32)
-        total = cv2.blur(image[..., :3][some] * spread(weight), side)
-        colours.append(total / spread(np.maximum(cv2.blur(weight, side), 1e-3)))
-    apart = np.abs(colours[0] - colours[1]).max(2)
-    share = np.clip((apart - CONTRAST[0]) / (CONTRAST[1] - CONTRAST[0]), 0, 1).astype(np.float32)
-    return np.asarray(cv2.resize(share, head.shape[1::-1], interpolation=cv2.INTER_LINEAR))
 
 
 def feathered(inside: np.ndarray, width: float) -> np.ndarray:

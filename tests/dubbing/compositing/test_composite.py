@@ -90,32 +90,16 @@ def test_without_a_head_the_background_stays() -> None:
     assert mask[S // 2, S // 2] == 255
 
 
-def edge(wide: int) -> np.ndarray:
-    """A head (64, 64, 4) of colour (127, 0, 0) whose opacity rises over so many px."""
+def test_a_learned_edge_rises_faster_around_its_middle() -> None:
     head = np.zeros((64, 64, 4), np.uint8)
-    head[..., 3] = np.clip((np.arange(64) - 32) * (255 / wide) + 128, 0, 255)
+    head[..., 3] = np.clip((np.arange(64) - 32) * 16 + 128, 0, 255)
     head[..., 0] = head[..., 3] // 2  # premultiplied
-    return head
-
-
-@pytest.mark.parametrize("wide", [2, 5, 9, 18])
-def test_edges_of_a_head_are_crisp(wide: int) -> None:
-    """A learned edge is wider than that of a film, in a large face by more pixels."""
-    head = edge(wide)
-    soft = head[0, :, 3]
-    crisp = without_haze(head, np.ones((64, 64), bool), np.full((64, 64, 3), 60, np.uint8))
-    assert (crisp[0, :, 3] >= 128).sum() == (soft >= 128).sum()  # half of it stays where it is
-    assert ((crisp[0, :, 3] > 12) & (crisp[0, :, 3] < 243)).sum() <= 4
-    opaque = crisp[0, :, 3] > 20
-    shares = crisp[0, opaque, 0] / crisp[0, opaque, 3]
-    assert np.abs(shares - 0.5).max() < 0.03  # its colour is the same
-
-
-def test_a_chin_over_a_neck_of_its_colour_stays_soft() -> None:
-    neck = np.full((64, 64, 3), (120, 0, 0), np.uint8)
-    made = without_haze(edge(18), np.ones((64, 64), bool), neck)
-    no_haze = np.s_[:, 27:]
-    np.testing.assert_array_equal(made[no_haze], edge(18)[no_haze])
+    made = without_haze(head, np.ones((64, 64), bool))
+    soft, crisp = (x[0, :, 3] for x in (head, made))
+    assert (crisp >= 128).sum() == (soft >= 128).sum()
+    assert ((crisp > 0) & (crisp < 255)).sum() < 0.75 * ((soft > 0) & (soft < 255)).sum()
+    opaque = crisp > 20
+    assert np.abs(made[0, opaque, 0] / crisp[opaque] - 0.5).max() < 0.03  # its colour is the same
 
 
 @pytest.mark.parametrize(("jaw", "kept"), [(168, True), (135, False)])
@@ -133,17 +117,17 @@ def test_below_a_jaw_that_is_a_little_higher_the_films_skin_shows(jaw: int, kept
 
 
 def test_haze_is_no_head() -> None:
-    _, background, inpaint_mask, head = scene()
+    _, _, inpaint_mask, head = scene()
     hazy = head.copy()
     hazy[head[..., 3] == 0] = (1, 1, 1, 3)
-    np.testing.assert_array_equal(without_haze(hazy, inpaint_mask, background), head)
+    np.testing.assert_array_equal(without_haze(hazy, inpaint_mask), head)
 
 
 def test_what_floats_far_from_the_head_is_dropped() -> None:
-    _, background, inpaint_mask, head = scene()
+    _, _, inpaint_mask, head = scene()
     floating = head.copy()
     floating[5:20, 5:20] = (255, 255, 255, 255)
-    np.testing.assert_array_equal(without_haze(floating, inpaint_mask, background), head)
+    np.testing.assert_array_equal(without_haze(floating, inpaint_mask), head)
 
 
 def test_above_the_lower_face_every_pixel_is_the_films() -> None:
@@ -230,5 +214,5 @@ def test_a_mouth_outside_of_the_picture_is_not_replaced() -> None:
 
 
 def test_a_head_that_is_haze_is_none() -> None:
-    _, background, inpaint_mask, head = scene()
-    assert not without_haze(head // 8, inpaint_mask, background).any()
+    _, _, inpaint_mask, head = scene()
+    assert not without_haze(head // 8, inpaint_mask).any()
