@@ -230,7 +230,8 @@ def swept(region: np.ndarray, motion: np.ndarray) -> np.ndarray:
 
 def distance(region: np.ndarray) -> np.ndarray:
     """Px (H, W) float32 from each pixel of a region to its edge; 0 beyond it."""
-    return np.asarray(cv2.distanceTransform(region.astype(np.uint8), cv2.DIST_L2, 5))
+    away = cv2.distanceTransform(region.astype(np.uint8), cv2.DIST_L2, 5)
+    return np.minimum(away, np.float32(sum(region.shape)))  # a region without edge has no end
 
 
 def falling(away: np.ndarray, limits: tuple[float, float]) -> np.ndarray:

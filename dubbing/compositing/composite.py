@@ -124,4 +124,4 @@ def without_haze(head: np.ndarray, restored: np.ndarray) -> np.ndarray:
 def feathered(inside: np.ndarray, width: float) -> np.ndarray:
     """Mask (S, S) uint8: 0 outside, rising to 255 over ``width`` px inwards from the edge."""
     depth = cv2.distanceTransform(inside.astype(np.uint8), cv2.DIST_L2, 3)
-    return np.clip(depth * (255 / (width + 1)), 0, 255).round().astype(np.uint8)
+    return (np.minimum(depth, width + 1) * (255 / (width + 1))).round().astype(np.uint8)
