@@ -20,7 +20,7 @@ from dubbing.engine.graph.stage import Progress, ReportShare
 from dubbing.errors import PreparationError
 from dubbing.media import MediaInfo, probe
 from dubbing.preparation.alignment.bundle import Observations
-from dubbing.preparation.alignment.camera import Poses
+from dubbing.preparation.alignment.camera import Poses, project, to_camera
 from dubbing.preparation.alignment.score import root_mean_square
 from dubbing.preparation.alignment.silhouette import Silhouette
 from dubbing.preparation.background.background import background_step
@@ -47,7 +47,8 @@ from dubbing.preparation.tracking.reach import views_of
 from dubbing.preparation.tracking.tracking import Arrays
 from dubbing.preparation.tracking.warnings import face_warnings_of, warnings_of
 from dubbing.preparation.turning.head_surface import HeadSurface
-from dubbing.preparation.turning.turned import Footage, turned_step
+from dubbing.preparation.turning.profile_lips import LipShapes, Profiles
+from dubbing.preparation.turning.turned import Footage, angles, turned_step
 
 
 def prepare(
@@ -156,10 +157,17 @@ def _track(
     footage = Footage(crops, open_images(masks[1]), observed.centre, segment, surface)
     turned = steps.run("turned", partial(turned_step, bundle, track, footage))
     poses = Poses(turned["rotation"], turned["translation"])
-    landmarks = tracking.filled_landmarks(
-        detected, bundle["trusted"], track["shape"], poses, observed
-    )
     known = turned["known"] & surveyed["followed"]
+    front, shape = bundle["trusted"], track["shape"]
+    mean_face = project(to_camera(poses, shape), observed.focal, observed.centre)
+    turn = np.where(known, angles(poses), np.nan)
+    shapes = LipShapes.of(detected["points"][front], shape)
+    profile = Profiles(crops, mean_face, turn, detected["valid"], front, shapes)
+    lips = steps.run("lips", partial(profile.lips_step, info, first))["lips"]
+    detected["valid"] |= np.isfinite(lips).all(1)
+    landmarks = tracking.filled_landmarks(
+        detected, front, shape, poses, observed, shapes.changes(lips)
+    )
     return _Tracked(size, surveyed, detected, track, observed, light, over, poses, known, landmarks)
 
 

@@ -27,7 +27,7 @@ from dubbing.media import PixelFormat, Planes, probe, read_frames, read_planes
 from dubbing.preparation.file_names import SUMMARY
 from dubbing.preparation.film_frame import FilmFrame
 
-VERSION = 11
+VERSION = 12
 HEAD_RADIUS = 1.7  # units (10 cm), the largest extent of a head from its origin
 TRACK, MATTE, BACKGROUND = "track.npz", "matte.mkv", "background.mkv"
 OVERLAY = "overlay.mkv"  # masks of all frames, if something lies over the face in any
@@ -78,7 +78,7 @@ class PreparedClip:
             through a moving window.
         crop: (T, 3) x0, y0, side of the window in px of the source.
         valid: (T,) the head is seen, and its pose is known. detected: (T,) its landmarks are known,
-            too: a head in profile has none. covered: (T,) something lies before its mouth.
+            too: a head in profile may have none. covered: (T,) something lies before its mouth.
         over: (T,) something lies over a part of the face, as the overlay shows.
         segment: (T,) number of the shot. shown: (T,) share of the frame that is of that shot; less
             than 1 in a dissolve. haze: (T, 3) grey levels of light over the image. noise: (T, 5) of

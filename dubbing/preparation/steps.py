@@ -18,7 +18,7 @@ from dubbing.preparation.file_names import SUMMARY
 from dubbing.preparation.prepared import VERSION
 from dubbing.preparation.tracking.tracking import Arrays
 
-STEPS, LAYOUT = "steps", 6  # the folder of the steps, and the version of its files
+STEPS, LAYOUT = "steps", 7  # the folder of the steps, and the version of its files
 # Shares of the steps in the time of a preparation, 13 s at 512 px.
 TIMES = {
     "faces": 0.04,
@@ -28,7 +28,8 @@ TIMES = {
     "overlay": 0.06,
     "refinement": 0.15,
     "turned": 0.01,
-    "matte": 0.08,
+    "lips": 0.01,
+    "matte": 0.07,
     "background": 0.25,
 }
 

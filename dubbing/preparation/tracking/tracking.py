@@ -224,16 +224,25 @@ def only(observed: Observations, trusted: np.ndarray) -> Observations:
 
 
 def filled_landmarks(
-    detected: Arrays, trusted: np.ndarray, shape: np.ndarray, poses: Poses, observed: Observations
+    detected: Arrays,
+    trusted: np.ndarray,
+    shape: np.ndarray,
+    poses: Poses,
+    observed: Observations,
+    changes: np.ndarray | None = None,
 ) -> np.ndarray:
     """Landmarks (T, 478, 2) px: as detected, where they can be trusted.
 
     Elsewhere the mean shape as it is seen from the pose of the head. FaceMesh distorts a face that
     is turned far, always in the same way, and sees its lips move nevertheless: the shape changes as
-    what was detected does.
+    what was detected does, or by `changes` (T, 478, 3) where these are numbers.
     """
     shapes = np.tile(shape, (len(trusted), 1, 1))
-    turned = np.flatnonzero(detected["valid"] & ~trusted)
+    told = np.zeros(len(trusted), bool)
+    if changes is not None:
+        told = np.isfinite(changes).all((1, 2))
+        shapes[told] += changes[told]
+    turned = np.flatnonzero(detected["valid"] & ~trusted & ~told)
     if len(turned):
         points = detected["points"][turned].astype(np.float64)
         rigid = list(RIGID)

@@ -18,11 +18,11 @@ import numpy as np
 
 from dubbing.engine.disk.files import atomic_path, atomic_write_json
 from dubbing.errors import ExplainedError
+from dubbing.face.mouth.mouth_reader import MouthReader, mouth_picture
 from dubbing.media import read_frames
 from dubbing.workshop.lab.metrics import lips
 from dubbing.workshop.true_dubs.figures import DubFigures, mean_of
 from dubbing.workshop.true_dubs.films import COVER, FILM, FIRST, TRUE_FILM, TRUTH, chosen, parser
-from dubbing.workshop.true_dubs.opening import OpeningReader, mouth_picture
 from dubbing.workshop.true_dubs.scenes import FRAMES, RATE
 
 FIGURES = "figures.json"
@@ -62,7 +62,7 @@ def compared(out: Path, name: str) -> dict[str, float]:
     with np.load(folder / TRUTH) as known:
         mouths, film_opening, opening = (known[n] for n in ("mouths", "film_opening", "opening"))
     pictures = map(mouth_picture, read_frames(folder / FILM, count=FRAMES), mouths)
-    reader = OpeningReader(np.stack(list(pictures)), film_opening)
+    reader = MouthReader(np.stack(list(pictures)), film_opening)
     mouths = mouths[FIRST:]
     mattes: Iterator[np.ndarray | None] = repeat(None)
     if (folder / COVER).exists():

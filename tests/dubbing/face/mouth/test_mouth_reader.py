@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
+from dubbing.face.mouth.mouth_reader import MouthReader, mouth_picture
 from dubbing.workshop.true_dubs.measure import openings
-from dubbing.workshop.true_dubs.opening import OpeningReader, mouth_picture
 
 PLACE = np.array([[50.0, 60.0], [18.0, 9.0]])
 
@@ -21,14 +21,14 @@ def face(opening: float, rng: np.random.Generator) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def reader() -> OpeningReader:
+def reader() -> MouthReader:
     rng = np.random.default_rng(0)
     known = rng.uniform(0, 8, 120)
     pictures = np.stack([mouth_picture(face(x, rng), PLACE) for x in known])
-    return OpeningReader(pictures, known)
+    return MouthReader(pictures, known)
 
 
-def test_openings_are_read_off_pictures_in_other_light(reader: OpeningReader) -> None:
+def test_openings_are_read_off_pictures_in_other_light(reader: MouthReader) -> None:
     rng = np.random.default_rng(1)
     wanted = rng.uniform(0, 8, 60)
     read = reader.read(np.stack([mouth_picture(face(x, rng), PLACE) for x in wanted]))
@@ -36,7 +36,7 @@ def test_openings_are_read_off_pictures_in_other_light(reader: OpeningReader) ->
     assert np.abs(read - wanted).mean() < 0.8
 
 
-def test_what_is_beside_the_mouth_does_not_count(reader: OpeningReader) -> None:
+def test_what_is_beside_the_mouth_does_not_count(reader: MouthReader) -> None:
     rng = np.random.default_rng(2)
     image = face(4.0, rng)
     beside = image.copy()

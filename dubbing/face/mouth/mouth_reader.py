@@ -1,9 +1,8 @@
-"""How far a mouth is open, read off its picture: on turned heads landmarks say little.
+"""What lips do, read off pictures of the mouth, where landmarks say little.
 
-The film that is dubbed shows the same head in the same poses and light, and how far its mouth is
-open is known. A ridge regression from the principal components of the mouth's picture learns it.
+A ridge regression learns it from the principal components of pictures for which it is known.
 
-T frames, D pixels of a mouth's picture.
+N pictures of D pixels, L values of each.
 """
 
 import cv2
@@ -19,7 +18,7 @@ def mouth_picture(image: np.ndarray, mouth: np.ndarray) -> np.ndarray:
     """The mouth in an image, (D,) of mean 0 and one contrast.
 
     Args:
-        image: (S, S, 3) uint8.
+        image: (H, W, 3) uint8.
         mouth: (2, 2) px, middle of the mouth and half its width and height.
     """
     scale = SIDE / (2 * REACH * float(mouth[1].max()))
@@ -31,20 +30,22 @@ def mouth_picture(image: np.ndarray, mouth: np.ndarray) -> np.ndarray:
     return np.asarray((part - part.mean()) / (part.std() + FAINT)).ravel()
 
 
-class OpeningReader:
-    """Reads openings off pictures of mouths."""
+class MouthReader:
+    """Reads values of lips off pictures of mouths."""
 
-    def __init__(self, pictures: np.ndarray, openings: np.ndarray) -> None:
-        """Learn from pictures (T, D) and their openings (T,)."""
+    def __init__(
+        self, pictures: np.ndarray, values: np.ndarray, components: int = COMPONENTS
+    ) -> None:
+        """Learn from pictures (N, D) and their values (N,) or (N, L)."""
         self._mean = pictures.mean(0)
         _, _, directions = np.linalg.svd(pictures - self._mean, full_matrices=False)
-        self._directions = directions[:COMPONENTS].T
-        self._usual = openings.mean()
+        self._directions = directions[:components].T
+        self._usual = values.mean(0)
         parts = (pictures - self._mean) @ self._directions
         square = parts.T @ parts + STRENGTH * np.eye(parts.shape[1])
-        self._weights = np.linalg.solve(square, parts.T @ (openings - self._usual))
+        self._weights = np.linalg.solve(square, parts.T @ (values - self._usual))
 
     def read(self, pictures: np.ndarray) -> np.ndarray:
-        """The openings (T,) of pictures (T, D)."""
+        """The values, as those that were learned from, of pictures (N, D)."""
         parts = (pictures - self._mean) @ self._directions
         return np.asarray(parts @ self._weights + self._usual)
