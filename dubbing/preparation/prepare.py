@@ -47,6 +47,7 @@ from dubbing.preparation.tracking.reach import views_of
 from dubbing.preparation.tracking.tracking import Arrays
 from dubbing.preparation.tracking.warnings import face_warnings_of, warnings_of
 from dubbing.preparation.turning.head_surface import HeadSurface
+from dubbing.preparation.turning.profile_depth import stood_out
 from dubbing.preparation.turning.profile_lips import LipShapes, Profiles
 from dubbing.preparation.turning.turned import Footage, angles, turned_step
 
@@ -158,16 +159,17 @@ def _track(
     turned = steps.run("turned", partial(turned_step, bundle, track, footage))
     poses = Poses(turned["rotation"], turned["translation"])
     known = turned["known"] & surveyed["followed"]
-    front, shape = bundle["trusted"], track["shape"]
+    turn, front = np.where(known, angles(poses), np.nan), bundle["trusted"]
+    shape = stood_out(track["shape"], poses, turn, footage)
     mean_face = project(to_camera(poses, shape), observed.focal, observed.centre)
-    turn = np.where(known, angles(poses), np.nan)
     shapes = LipShapes.of(detected["points"][front], shape)
-    profile = Profiles(crops, mean_face, turn, detected["valid"], front, shapes)
-    lips = steps.run("lips", partial(profile.lips_step, info, first))["lips"]
+    profiles = Profiles(crops, mean_face, turn, detected["valid"], front, shapes)
+    lips = steps.run("lips", partial(profiles.lips_step, info, first))["lips"]
     detected["valid"] |= np.isfinite(lips).all(1)
     landmarks = tracking.filled_landmarks(
         detected, front, shape, poses, observed, shapes.changes(lips)
     )
+    track = track | {"shape": shape}
     return _Tracked(size, surveyed, detected, track, observed, light, over, poses, known, landmarks)
 
 

@@ -138,7 +138,7 @@ def profile_picture(image: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
     """
     if landmarks[NOSE_TIP, 0] < landmarks[[LEFT_EAR, RIGHT_EAR], 0].mean():
         image = np.ascontiguousarray(image[:, ::-1])
-        landmarks = [image.shape[1] - 1, 0] + [-1, 1] * landmarks
+        landmarks = landmarks * [-1, 1] + [image.shape[1] - 1, 0]
     reach = float(np.linalg.norm(landmarks[CHIN] - landmarks[NOSE_BASE])) / REACH
     place = np.stack([landmarks[list(OUTER_LIP)].mean(0), [reach, reach]])
     return mouth_picture(image, place)
