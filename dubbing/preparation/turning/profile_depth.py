@@ -23,7 +23,9 @@ HEIGHTS = 24  # from the top of the forehead to the chin
 FEWEST = 10  # frames
 FURTHEST = 0.6  # units between the outlines of mesh and picture
 STEP = 0.01  # units of a way
-UNLIKE = 0.1  # units: heights at which frames differ by more tell nothing
+# Units: heights at which frames differ by more, or where the outline lies further off, as hair
+# does, tell nothing.
+UNLIKE, MOST = 0.1, 0.3
 MIDDLE = (0.35, 0.8)  # units from the middle of the face between which nothing moves any more
 HALF = 127  # of 255
 
@@ -53,7 +55,7 @@ def stood_out(shape: np.ndarray, poses: Poses, turn: np.ndarray, footage: Footag
         warnings.simplefilter("ignore", RuntimeWarning)  # heights at which nothing was found
         usual = np.nanmedian(found, 0)
         unlike = np.nanmedian(np.abs(found - usual), 0)
-    told = np.isfinite(usual) & (unlike < UNLIKE) & (np.isfinite(found).mean(0) > 0.5)
+    told = (np.abs(usual) < MOST) & (unlike < UNLIKE) & (np.isfinite(found).mean(0) > 0.5)
     middles = (edges[1:] + edges[:-1]) / 2
     if told.sum() < HEIGHTS / 2:
         return shape
