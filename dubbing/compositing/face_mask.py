@@ -31,6 +31,8 @@ ABOVE, BELOW = 0.4, 0.8
 UPPER_LIP_TOP = 0  # of FaceMesh
 # Least length of that line, in eye distances: it is 0 for a nose that points at the camera.
 SHORTEST = 0.3
+# Between these distances of the eyes, in heights of the face, the line through them counts.
+FROM_EYES = (0.1, 0.2)
 # Between these distances from the mouth, in heights of the face, the film's own cheeks and jaw take
 # over: they hardly move with words, and a turned head shows much of them. Downwards, where the chin
 # moves, distances count less.
@@ -98,7 +100,14 @@ def way_down(landmarks: np.ndarray, size: int) -> np.ndarray:
     """Height of each pixel (S, S): 0 on the line through the eyes, 1 at the base of the nose."""
     left, right = landmarks[LEFT_EYE_OUTER], landmarks[RIGHT_EYE_OUTER]
     apart = max(float(np.linalg.norm(right - left)), 1.0)
-    down = np.array([left[1] - right[1], right[0] - left[0]]) / apart
+    along = landmarks[CHIN] - landmarks[FOREHEAD_TOP]
+    height = max(float(np.linalg.norm(along)), 1.0)
+    # Eyes of a profile lie one before the other, and their line says nothing.
+    none, all_ = FROM_EYES
+    share = np.clip((apart / height - none) / (all_ - none), 0, 1)
+    down = share * np.array([left[1] - right[1], right[0] - left[0]]) / apart
+    down += (1 - share) * along / height
+    down /= max(float(np.linalg.norm(down)), 1e-6)
     eyes = (left + right) / 2
     nose = max(float((landmarks[NOSE_BASE] - eyes) @ down), SHORTEST * apart)
     x, y = (np.arange(size) - place for place in eyes)

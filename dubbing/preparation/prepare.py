@@ -47,8 +47,8 @@ from dubbing.preparation.tracking.reach import views_of
 from dubbing.preparation.tracking.tracking import Arrays
 from dubbing.preparation.tracking.warnings import face_warnings_of, warnings_of
 from dubbing.preparation.turning.head_surface import HeadSurface
-from dubbing.preparation.turning.profile_depth import stood_out
 from dubbing.preparation.turning.profile_lips import LipShapes, Profiles
+from dubbing.preparation.turning.profile_outline import outlined
 from dubbing.preparation.turning.turned import Footage, angles, turned_step
 
 
@@ -160,7 +160,7 @@ def _track(
     poses = Poses(turned["rotation"], turned["translation"])
     known = turned["known"] & surveyed["followed"]
     turn, front = np.where(known, angles(poses), np.nan), bundle["trusted"]
-    shape = stood_out(track["shape"], poses, turn, footage)
+    shape, poses = outlined(track["shape"], poses, turn, footage)
     mean_face = project(to_camera(poses, shape), observed.focal, observed.centre)
     shapes = LipShapes.of(detected["points"][front], shape)
     profiles = Profiles(crops, mean_face, turn, detected["valid"], front, shapes)

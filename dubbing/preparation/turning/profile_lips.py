@@ -28,8 +28,8 @@ FEWEST, FRONT = 24, 25  # frames in profile, and from the front
 COMPONENTS = 6  # of pictures: more follow what is heard wrongly
 FOLDS = 4  # of the frames: each is read by what was learned from the others
 # Correlation of the opening so read with the one that is heard: at least, and times the root of the
-# number of frames. With other speech 5 % of films have as much.
-LEAST, SURE = 0.2, 3.4
+# number of frames. With other speech 7 % of films have as much.
+LEAST, SURE = 0.2, 3.0
 STRENGTH = 0.05  # of the regression from lengths to shapes, a frame
 BESIDE = 1.0  # seconds of sound before and after the frames
 

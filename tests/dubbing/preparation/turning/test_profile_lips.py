@@ -65,7 +65,7 @@ def test_what_is_read_is_nearer_to_the_lips_than_what_is_heard(rng: Rng) -> None
 def test_lips_that_do_not_follow_the_sound_are_not_read(rng: Rng) -> None:
     lips = spoken(rng)
     pictures = pictures_of(rng, lips)
-    assert sum(read_lips(pictures, spoken(rng)) is not None for _ in range(60)) <= 5
+    assert sum(read_lips(pictures, spoken(rng)) is not None for _ in range(60)) <= 6
     assert read_lips(pictures, np.zeros((FRAMES, LENGTHS))) is None  # silence
     assert read_lips(pictures[: FEWEST - 1], lips[: FEWEST - 1]) is None
 
