@@ -109,7 +109,7 @@ def _tilt(beyond: np.ndarray, levers: np.ndarray, firm: np.ndarray) -> float:
     Args:
         beyond, levers: (B,); see `_beyond`. firm: (B,) heights that words do not move.
     """
-    told = firm & np.isfinite(beyond)
+    told = firm & (np.abs(beyond) < MOST)
     if told.sum() < LEAST_HEIGHTS:
         return 0.0
     terms, wanted = np.column_stack([np.ones(told.sum()), levers[told]]), beyond[told]

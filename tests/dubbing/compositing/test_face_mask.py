@@ -89,6 +89,19 @@ def test_both_sides_are_treated_alike() -> None:
     np.testing.assert_allclose(lower_share(points, S)[:, ::-1], seen, atol=1e-9)
 
 
+def test_a_profile_has_its_mouth_below_its_eyes() -> None:
+    """Its eyes lie one before the other, in either order."""
+    points = landmarks() * [0.1, 1] + [128 * 0.9, 0]
+    both = []
+    for order in (1, -1):
+        points[[LEFT_EYE_OUTER, RIGHT_EYE_OUTER][::order]] = (126, 128 + EYES), (129, 131 + EYES)
+        share = lower_share(points, S)
+        assert share[128 + MOUTH].min() > 0.9
+        assert share[128 + EYES].max() < 0.2
+        both.append(share)
+    assert np.abs(both[0] - both[1]).max() < 0.05
+
+
 def test_a_nose_towards_the_camera_leaves_the_lids_to_the_film() -> None:
     points = landmarks()
     points[NOSE_BASE] = (128, 128 + EYES)

@@ -1,4 +1,4 @@
-"""The depth of a face, read off the outline of its profile."""
+"""Tilt and depth of a face, read off the outline of its profile."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dubbing.face.mesh_points import CHIN, FOREHEAD_TOP
+from dubbing.face.mesh_points import CHIN, FOREHEAD_TOP, NOSE_BASE
 from dubbing.preparation.alignment.camera import Poses, project, to_camera
-from dubbing.preparation.turning.profile_depth import FEWEST, stood_out
+from dubbing.preparation.turning.profile_outline import FEWEST, outlined
 from dubbing.preparation.turning.turned import Footage
 
 SIDE, FOCAL, FRAMES = 300, 750.0, 24
@@ -25,7 +25,7 @@ def mesh() -> np.ndarray:
     points = np.stack([random.uniform(-HALF_WIDTH, HALF_WIDTH, 478), random.uniform(-1, 1, 478)], 1)
     points[:120, 0] = 0  # the middle line
     points[:120, 1] = np.linspace(-0.99, 0.99, 120)
-    points[[FOREHEAD_TOP, CHIN]] = (0, -1), (0, 1)
+    points[[FOREHEAD_TOP, NOSE_BASE, CHIN]] = (0, -1), (0, 0.1), (0, 1)
     return np.column_stack([points, points[:, 0] ** 2 - 1])
 
 
@@ -55,20 +55,33 @@ def turned(yaw: np.ndarray) -> tuple[Poses, np.ndarray]:
 @pytest.mark.parametrize("side", [1, -1])
 def test_lips_that_stand_out_too_far_are_put_back(mesh: np.ndarray, side: int) -> None:
     true = mesh.copy()
-    low = np.clip((mesh[:, 1] - 0.2) / 0.2, 0, 1)
-    true[:, 2] += 0.2 * low
+    true[:, 2] += 0.2 * np.exp(-(((mesh[:, 1] - 0.5) / 0.15) ** 2))
     poses, turn = turned(side * np.linspace(70, 88, FRAMES))
-    found = stood_out(mesh, poses, turn, footage_of(true, poses))
+    found, _ = outlined(mesh, poses, turn, footage_of(true, poses))
     middle = np.abs(mesh[:, 0]) < 0.3
-    assert np.abs(found - true)[middle & (np.abs(mesh[:, 1]) < 0.9)].max() < 0.04
+    assert np.abs(found - true)[middle & (np.abs(mesh[:, 1]) < 0.9)].max() < 0.06
     np.testing.assert_array_equal(found[:, :2], mesh[:, :2])
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_heads_that_drifted_are_turned_back(mesh: np.ndarray, side: int) -> None:
+    true, turn = turned(side * np.concatenate([np.linspace(0, 52, 20), np.full(40, 75.0)]))
+    tilt = Rotation.from_rotvec([0, 0, np.radians(4)]).as_matrix()
+    drifted = Poses(tilt @ true.rotation, true.translation)
+    _, found = outlined(mesh, drifted, turn, footage_of(mesh, true))
+    left = Rotation.from_matrix(true.rotation @ found.rotation.transpose(0, 2, 1)).magnitude()
+    assert np.degrees(left[25:]).max() < 1
+    np.testing.assert_array_equal(
+        found.rotation[turn < np.radians(50)], drifted.rotation[turn < np.radians(50)]
+    )
+    np.testing.assert_array_equal(found.translation, true.translation)
 
 
 def test_what_covers_a_profile_for_a_moment_says_nothing(mesh: np.ndarray) -> None:
     poses, turn = turned(np.linspace(70, 88, FRAMES))
     footage = footage_of(mesh, poses)
     footage.people[: FRAMES // 3, 150:200] = 255  # an arm across the picture
-    found = stood_out(mesh, poses, turn, footage)
+    found, _ = outlined(mesh, poses, turn, footage)
     assert np.abs(found - mesh)[np.abs(mesh[:, 1]) < 0.9].max() < 0.04
 
 
@@ -76,14 +89,14 @@ def test_hair_before_a_face_says_nothing(mesh: np.ndarray) -> None:
     poses, turn = turned(np.linspace(70, 88, FRAMES))
     hair = mesh.copy()
     hair[:, 2] -= 0.4 * (np.abs(mesh[:, 1] + 0.6) < 0.3)
-    found = stood_out(mesh, poses, turn, footage_of(hair, poses))
+    found, _ = outlined(mesh, poses, turn, footage_of(hair, poses))
     assert np.abs(found - mesh)[np.abs(mesh[:, 1]) < 0.9].max() < 0.15
 
 
 def test_without_profiles_nothing_changes(mesh: np.ndarray) -> None:
     poses, turn = turned(np.linspace(0, 40, FRAMES))
     footage = footage_of(mesh, poses)
-    assert stood_out(mesh, poses, turn, footage) is mesh
+    assert outlined(mesh, poses, turn, footage) == (mesh, poses)
     turn[: FEWEST - 1] = np.radians(80)
     turn[FEWEST:] = np.nan
-    assert stood_out(mesh, poses, turn, footage) is mesh
+    assert outlined(mesh, poses, turn, footage) == (mesh, poses)
