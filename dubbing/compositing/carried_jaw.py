@@ -19,31 +19,22 @@ from scipy.ndimage import gaussian_filter1d
 from dubbing.compositing.face_mask import (
     from_lips,
     jaw_share,
-    near_mouth,
     round_mouth,
     skull_share,
 )
 from dubbing.compositing.jaw_line import ANGLES, radii
+from dubbing.compositing.jaw_opening import falling, moving_share, opening_way
 from dubbing.face.face_contour import FaceContour
-from dubbing.face.mesh_points import CHIN, FOREHEAD_TOP, LEFT_EAR, NOSE_TIP, RIGHT_EAR
 from dubbing.face.mouth.lip_region import lip_region
 from dubbing.face.mouth.mouth_shape import OUTER_LIP
-from dubbing.preparation.background.pixels import rounded, spread
+from dubbing.preparation.background.pixels import Part, rounded, spread
 from dubbing.preparation.matting.matting import REFERENCE_SIZE
 
 RAYS = np.arange(192) * (2 * np.pi / 192)  # from the middle of the face, as `ANGLES`
 FURTHEST = 80.0  # px between outlines of one jaw
 FEWEST = 12  # rays that must meet a jaw
 EVEN = 1.5  # rays over which an outline's direction is smoothed
-# Of a jaw that opens, by how much a chin goes back while it goes down; from the tip of the nose to
-# the ears, in heights of the face.
-BACK, DEEP = 0.8, 0.6
-# Px by which a chin rises, and parts of the way it opens that lie across the face, between which it
-# comes off the clothes that it touches.
-RISE, TURNED = (12.0, 24.0), (0.34, 0.5)
 OBLIQUE = 0.2  # cosine between a ray and an outline's normal: the least that counts
-# Heights above the middle of the lips, of the face's, between which the jaw's motion fades out.
-STILL, MOVING = 0.02, -0.08
 TOLD = 0.05  # of the jaw's motion: points that move less tell nothing of it
 LIPS = (8.0, 20.0)  # px from the lips between which the outline begins to be the jaw's
 # The learned head is shown in full near the lips and away from the outline, px; below the middle of
@@ -53,90 +44,6 @@ BESIDE = (14.0, 20.0)  # px beyond face and learned head where a matte holds som
 HALF = 127  # of 255
 STEP = 4.0  # px of a way
 AROUND = np.ones((5, 5), np.uint8)
-
-
-def jaw_motion(
-    matte: np.ndarray,
-    head: np.ndarray,
-    bare: np.ndarray,
-    offsets: np.ndarray | None,
-    landmarks: np.ndarray,
-    contour: FaceContour,
-) -> np.ndarray:
-    """By how much new words move a jaw from where the film has it, (2,) px.
-
-    Of motions along `opening_way`, the one that brings the film's outline closest to the head's,
-    measured across it. 0 where the picture does not tell.
-
-    Args:
-        matte, head: (S, S) uint8, opacities of the film's head and of the learned one.
-        bare: (S, S) bool, where nothing lies over the film's head.
-        offsets: (K,) px by which the head's outline is off; see `jaw_line.beside`.
-        landmarks: (478, 2) px. contour: of these.
-    """
-    unit = len(matte) / REFERENCE_SIZE
-    filmed, new = (radii(x, contour.middle, RAYS) for x in (matte, head))
-    if offsets is not None:
-        new = new + np.interp(RAYS, ANGLES, offsets, period=2 * np.pi)
-    away = new - filmed
-    ray = np.stack([np.cos(RAYS), np.sin(RAYS)], 1)
-    points = contour.middle + np.nan_to_num(filmed)[:, None] * ray
-    x, y = np.clip(points.round().astype(int), 0, len(matte) - 1).T
-    lips = np.linalg.norm(points[:, None] - landmarks[list(OUTER_LIP)], axis=2).min(1) / unit
-    share = moving_share(landmarks, points[:, 0], points[:, 1])
-    told = (jaw_share(contour, RAYS) > 0) & (share > TOLD) & (lips > LIPS[0])
-    told &= bare[y, x] & (np.abs(away) < FURTHEST * unit)
-    if told.sum() < FEWEST:
-        return np.zeros(2)
-    even = gaussian_filter1d(points, EVEN, axis=0, mode="wrap")
-    along = (np.roll(even, -1, 0) - np.roll(even, 1, 0))[told] / 2
-    length = np.maximum(np.linalg.norm(along, axis=1), 1e-6)
-    across = np.stack([along[:, 1], -along[:, 0]], 1) / length[:, None]
-    way = opening_way(landmarks)
-    wanted = away[told] * np.clip((ray[told] * across).sum(1), OBLIQUE, 1)
-    parts = share[told] * (across @ way)
-    parts = np.where(np.abs(parts) < TOLD, np.copysign(TOLD, parts), parts)
-    weight = length * np.clip((lips[told] - LIPS[0]) / (LIPS[1] - LIPS[0]), 0, 1)
-    # The least sum of distances, which a weighted median of what each ray says gives.
-    order = np.argsort(wanted / parts)
-    sums = (weight * np.abs(parts))[order].cumsum()
-    middle = order[np.searchsorted(sums, sums[-1] / 2)]
-    return np.asarray(wanted[middle] / parts[middle] * way)
-
-
-def opening_way(landmarks: np.ndarray) -> np.ndarray:
-    """The way that a chin moves when a jaw opens, (2,): down, and back where that can be seen."""
-    down = landmarks[CHIN] - landmarks[FOREHEAD_TOP]
-    height = max(float(np.hypot(*down)), 1.0)
-    back = landmarks[[LEFT_EAR, RIGHT_EAR]].mean(0) - landmarks[NOSE_TIP]
-    return np.asarray((down + BACK * back / DEEP) / height)
-
-
-def touching(motion: np.ndarray, landmarks: np.ndarray, size: int) -> float:
-    """Share 0..1 of a jaw that rises that stays where it touches clothes.
-
-    Nobody has seen what a chin that rises a little uncovers there. It is skin, so skin stretches.
-    Behind a head that turns there is a wall, too, which other frames show.
-    """
-    way = opening_way(landmarks)
-    down = landmarks[CHIN] - landmarks[FOREHEAD_TOP]
-    down = down / max(float(np.hypot(*down)), 1.0)
-    rise = -float(motion @ down) * REFERENCE_SIZE / size
-    turned = abs(float(way[0] * down[1] - way[1] * down[0]))
-    return float((rise > 0) * falling(np.array(rise), RISE) * falling(np.array(turned), TURNED))
-
-
-def moving_share(landmarks: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Share of the jaw's motion at places, px: 1 at the chin, 0 above the lips and far from it."""
-    low = np.clip((STILL - from_lips(landmarks, x, y)[0]) / (STILL - MOVING), 0, 1)
-    near = near_mouth(landmarks, x, y)
-    share: np.ndarray = smooth(low) * smooth(near)
-    return share
-
-
-def smooth(share: np.ndarray) -> np.ndarray:
-    """A share 0..1 that rises and ends without a bend."""
-    return share * share * (3 - 2 * share)
 
 
 @dataclass(frozen=True)
@@ -154,69 +61,140 @@ class CarriedHead:
     kept: np.ndarray
 
 
-def carried(
-    image: np.ndarray,
-    matte: np.ndarray,
-    overlay: np.ndarray | None,
-    head: np.ndarray,
-    share: np.ndarray,
-    motion: np.ndarray,
-    held: np.ndarray,
-    landmarks: np.ndarray,
-    contour: FaceContour,
-) -> CarriedHead:
-    """Moves the jaw of a frame, and shows the learned head within it.
+@dataclass(frozen=True)
+class FilmFace:
+    """The face of a frame of the film, whose jaw can be moved.
 
-    Args:
-        image: (S, S, 3) uint8 of the film. matte: (S, S) uint8 of its head.
+    Attributes:
+        image: (S, S, 3) uint8, inpainted where something lies over the face.
+        matte: (S, S) uint8 of the head.
         overlay: (S, S) uint8, what lies over the face; None where nothing does.
-        head: (S, S, 4) uint8, the learned one, colour premultiplied by opacity, and opacity.
-        share: (S, S) uint8, how much of each pixel may be the learned head's.
-        motion: (2,) px, see `jaw_motion`. held: (S,) share of each column that does not move.
         landmarks: (478, 2) px. contour: of these.
     """
-    size, unit = len(image), len(image) / REFERENCE_SIZE
-    out = np.dstack([np.zeros_like(image), matte])
-    changed, kept = np.zeros((size, size), np.uint8), np.zeros((size, size), np.float32)
-    part = round_mouth(landmarks, size)
-    if not matte[part].size:  # the mouth is outside of the picture
+
+    image: np.ndarray
+    matte: np.ndarray
+    overlay: np.ndarray | None
+    landmarks: np.ndarray
+    contour: FaceContour
+
+    @property
+    def unit(self) -> float:
+        """Px of the crop for one at `REFERENCE_SIZE`."""
+        return len(self.matte) / REFERENCE_SIZE
+
+    def motion_to(self, head: np.ndarray, offsets: np.ndarray | None) -> np.ndarray:
+        """By how much new words move the jaw from where the film has it, (2,) px.
+
+        Of motions along `opening_way`, the one that brings the film's outline closest to the
+        head's, measured across it. 0 where the picture does not tell.
+
+        Args:
+            head: (S, S) uint8, opacity of the learned head.
+            offsets: (K,) px by which its outline is off; see `jaw_line.beside`.
+        """
+        unit, landmarks, contour = self.unit, self.landmarks, self.contour
+        filmed, new = (radii(x, contour.middle, RAYS) for x in (self.matte, head))
+        if offsets is not None:
+            new = new + np.interp(RAYS, ANGLES, offsets, period=2 * np.pi)
+        away = new - filmed
+        ray = np.stack([np.cos(RAYS), np.sin(RAYS)], 1)
+        points = contour.middle + np.nan_to_num(filmed)[:, None] * ray
+        lips = np.linalg.norm(points[:, None] - landmarks[list(OUTER_LIP)], axis=2).min(1) / unit
+        share = moving_share(landmarks, points[:, 0], points[:, 1])
+        told = (jaw_share(contour, RAYS) > 0) & (share > TOLD) & (lips > LIPS[0])
+        told &= np.abs(away) < FURTHEST * unit
+        if self.overlay is not None:
+            x, y = np.clip(points.round().astype(int), 0, len(head) - 1).T
+            told &= self.overlay[y, x] == 0
+        if told.sum() < FEWEST:
+            return np.zeros(2)
+        even = gaussian_filter1d(points, EVEN, axis=0, mode="wrap")
+        along = (np.roll(even, -1, 0) - np.roll(even, 1, 0))[told] / 2
+        length = np.maximum(np.linalg.norm(along, axis=1), 1e-6)
+        across = np.stack([along[:, 1], -along[:, 0]], 1) / length[:, None]
+        way = opening_way(landmarks)
+        wanted = away[told] * np.clip((ray[told] * across).sum(1), OBLIQUE, 1)
+        parts = share[told] * (across @ way)
+        parts = np.where(np.abs(parts) < TOLD, np.copysign(TOLD, parts), parts)
+        weight = length * np.clip((lips[told] - LIPS[0]) / (LIPS[1] - LIPS[0]), 0, 1)
+        # The least sum of distances, which a weighted median of what each ray says gives.
+        order = np.argsort(wanted / parts)
+        sums = (weight * np.abs(parts))[order].cumsum()
+        middle = order[np.searchsorted(sums, sums[-1] / 2)]
+        return np.asarray(wanted[middle] / parts[middle] * way)
+
+    def carried(
+        self, head: np.ndarray, share: np.ndarray, motion: np.ndarray, held: np.ndarray
+    ) -> CarriedHead:
+        """The head with its jaw moved, and the learned head shown within it.
+
+        Args:
+            head: (S, S, 4) uint8, the learned one, colour premultiplied by opacity, and opacity.
+            share: (S, S) uint8, how much of each pixel may be the learned head's.
+            motion: (2,) px, see `motion_to`. held: (S,) share of each column that does not move.
+        """
+        size, unit, landmarks = len(self.image), self.unit, self.landmarks
+        out = np.dstack([np.zeros_like(self.image), self.matte])
+        changed, kept = np.zeros((size, size), np.uint8), np.zeros((size, size), np.float32)
+        part = round_mouth(landmarks, size)
+        if not self.matte[part].size:  # the mouth is outside of the picture
+            return CarriedHead(out, changed, kept)
+        y, x = (np.arange(i.start, i.stop, dtype=np.float32) for i in part)
+        moving = moving_share(landmarks, x, y[:, None]) * (1 - held[part[1]])
+        moving = moving.astype(np.float32)
+        across, down = motion.astype(np.float32)
+        places = x - across * moving, y[:, None] - down * moving
+        film = remapped(self.image, places, cv2.INTER_CUBIC)
+        own, face = head[part], self.contour.region[part]
+        learned = own[..., 3] > HALF
+        new = learned | (remapped(face, places) > HALF)
+        opacity = remapped(self.matte, places) * falling(distance(~new) / unit, BESIDE)
+        shown = self._shown(part, opacity, own[..., 3], motion)
+        if self.overlay is not None:
+            # What lies over the film's jaw does not move with it.
+            over = cv2.dilate(remapped(self.overlay, places), AROUND)
+            shown = np.maximum(shown, over / np.float32(255))
+        shown = (shown * share[part] / 255).astype(np.float32)
+        kept[part] = (1 - shown) * opacity / 255
+        both = spread(kept[part]) * film + spread(shown) * own[..., :3]
+        out[part] = rounded(np.dstack([both, 255 * kept[part] + shown * own[..., 3]]))
+        moved = np.clip(np.hypot(*motion) / unit * moving, 0, 1)
+        # What lies away from the jaw, here and where the film has it, stays where it is.
+        heads = new | (face > HALF) | swept(learned, -motion)
+        moved = moved * falling(distance(~heads) / unit, BESIDE)
+        changed[part] = (255 * np.maximum(moved, shown)).round()
+        if self.overlay is not None:
+            changed = np.minimum(changed, 255 - self.overlay)
         return CarriedHead(out, changed, kept)
-    y, x = (np.arange(i.start, i.stop, dtype=np.float32) for i in part)
-    moving = moving_share(landmarks, x, y[:, None]) * (1 - held[part[1]])
-    moving = moving.astype(np.float32)
-    across, down = motion.astype(np.float32)
-    column, row = x - across * moving, y[:, None] - down * moving
-    film = cv2.remap(image, column, row, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
-    opacity = cv2.remap(matte, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    own = head[part]
-    learned, face = own[..., 3] > HALF, contour.region[part]
-    new = learned | (cv2.remap(face, column, row, cv2.INTER_LINEAR) > HALF)
-    opacity = opacity * falling(distance(~new) / unit, BESIDE)
-    lips = distance(~swept(lip_region(landmarks, size)[part], motion)) / unit
-    depth = np.minimum(*(distance(a > HALF) for a in (opacity, own[..., 3]))) / unit
-    below = np.clip(-from_lips(landmarks, x, y[:, None])[0] / BELOW, 0, 1)
-    shown = np.minimum(1 - falling(depth, INSIDE), 1 - below * (1 - falling(lips, NEAR)))
-    # The outline of the nose, and of what is above the lips, is the film's.
-    speaking = 1 - skull_share(landmarks, size)[part]
-    # Where a learned profile is dented beside the lips, there is the film's skin.
-    solid = np.maximum(own[..., 3] / np.float32(255), falling(lips, LIPS))
-    shown = np.maximum(shown, speaking * solid * falling(lips, MOUTH))
-    if overlay is not None:
-        # What lies over the film's jaw does not move with it.
-        over = cv2.remap(overlay, column, row, cv2.INTER_LINEAR)
-        shown = np.maximum(shown, cv2.dilate(over, AROUND) / np.float32(255))
-    shown = (shown * share[part] / 255).astype(np.float32)
-    kept[part] = (1 - shown) * opacity / 255
-    both = spread(kept[part]) * film + spread(shown) * own[..., :3]
-    out[part] = rounded(np.dstack([both, 255 * kept[part] + shown * own[..., 3]]))
-    moved = np.clip(np.hypot(*motion) / unit * moving, 0, 1)
-    # What lies away from the jaw, here and where the film has it, stays where it is.
-    heads = new | (face > HALF) | swept(learned, -motion)
-    moved = moved * falling(distance(~heads) / unit, BESIDE)
-    changed[part] = (255 * np.maximum(moved, shown)).round()
-    if overlay is not None:
-        changed = np.minimum(changed, 255 - overlay)
-    return CarriedHead(out, changed, kept)
+
+    def _shown(
+        self, part: Part, opacity: np.ndarray, learned: np.ndarray, motion: np.ndarray
+    ) -> np.ndarray:
+        """How much of each pixel is the learned head's, (H, W) 0..1, in rows and columns `part`.
+
+        Args:
+            opacity, learned: (H, W) 0..255, of the film's head, moved, and of the learned one.
+        """
+        size, unit, landmarks = len(self.image), self.unit, self.landmarks
+        y, x = (np.arange(i.start, i.stop, dtype=np.float32) for i in part)
+        lips = distance(~swept(lip_region(landmarks, size)[part], motion)) / unit
+        depth = np.minimum(*(distance(a > HALF) for a in (opacity, learned))) / unit
+        below = np.clip(-from_lips(landmarks, x, y[:, None])[0] / BELOW, 0, 1)
+        inside = np.minimum(1 - falling(depth, INSIDE), 1 - below * (1 - falling(lips, NEAR)))
+        # The outline of the nose, and of what is above the lips, is the film's.
+        speaking = 1 - skull_share(landmarks, size)[part]
+        # Where a learned profile is dented beside the lips, there is the film's skin.
+        solid = np.maximum(learned / np.float32(255), falling(lips, LIPS))
+        shown: np.ndarray = np.maximum(inside, speaking * solid * falling(lips, MOUTH))
+        return shown
+
+
+def remapped(
+    image: np.ndarray, places: tuple[np.ndarray, np.ndarray], how: int = cv2.INTER_LINEAR
+) -> np.ndarray:
+    """An image (S, S, ...) read at columns and rows (H, W), px; its edge beyond it."""
+    return np.asarray(cv2.remap(image, *places, how, borderMode=cv2.BORDER_REPLICATE))
 
 
 def swept(region: np.ndarray, motion: np.ndarray) -> np.ndarray:
@@ -232,10 +210,3 @@ def distance(region: np.ndarray) -> np.ndarray:
     """Px (H, W) float32 from each pixel of a region to its edge; 0 beyond it."""
     away = cv2.distanceTransform(region.astype(np.uint8), cv2.DIST_L2, 5)
     return np.minimum(away, np.float32(sum(region.shape)))  # a region without edge has no end
-
-
-def falling(away: np.ndarray, limits: tuple[float, float]) -> np.ndarray:
-    """1 up to the first limit, 0 from the second on."""
-    near, far = limits
-    share: np.ndarray = np.clip((far - away) / (far - near), 0, 1)
-    return share

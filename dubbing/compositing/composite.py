@@ -6,9 +6,10 @@ S side of the crop in px. All lengths are given for S = 512 and scale with it.
 import cv2
 import numpy as np
 
-from dubbing.compositing.carried_jaw import carried, jaw_motion, touching
+from dubbing.compositing.carried_jaw import FilmFace
 from dubbing.compositing.face_mask import face_mask
 from dubbing.compositing.film_look import in_focus
+from dubbing.compositing.jaw_opening import touching
 from dubbing.compositing.light import follow_light
 from dubbing.compositing.neck import Neck, with_neck
 from dubbing.compositing.skin_detail import with_detail_of
@@ -52,10 +53,11 @@ def replacement(film: FilmFrame, head: np.ndarray) -> tuple[np.ndarray, np.ndarr
     person = bare & (film.matte >= OPAQUE)
     lit = in_focus(film.image, lit, person & (share < HALF), film.noise, film.motion)
     lit = with_detail_of(film.image, person, lit, share > 0, landmarks, film.noise)
-    motion = jaw_motion(film.matte, lit[..., 3], bare, film.jaw, landmarks, contour)
+    face = FilmFace(image, film.matte, film.overlay, landmarks, contour)
+    motion = face.motion_to(lit[..., 3], film.jaw)
     neck = Neck.of(image, film.matte, contour)
     held = neck.clothes * touching(motion, landmarks, size)
-    made = carried(image, film.matte, film.overlay, lit, share, motion, held, landmarks, contour)
+    made = face.carried(lit, share, motion, held)
     under, stretched = with_neck(image, film.background, neck, made.head[..., 3])
     picture, mask = composite(under, film.restored | stretched, made.head, made.share)
     return picture, mask, (mask * (1 - made.kept)).round().astype(np.uint8)

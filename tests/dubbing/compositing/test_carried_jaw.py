@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from dubbing.compositing.carried_jaw import CarriedHead, carried, jaw_motion, moving_share, touching
+from dubbing.compositing.carried_jaw import CarriedHead, FilmFace
 from dubbing.compositing.jaw_line import ANGLES
+from dubbing.compositing.jaw_opening import moving_share, touching
 from dubbing.face.face_contour import face_contour
 from dubbing.face.mesh_points import CHIN, NOSE_TIP
 from dubbing.face.mouth.mouth_shape import OUTER_LIP
@@ -16,7 +17,7 @@ LANDMARKS = fakes.talking_face(S)
 CONTOUR = face_contour(LANDMARKS, S)
 END = round(LANDMARKS[CHIN, 1])
 FREE = np.zeros(S)
-BARE, ALL = np.ones((S, S), bool), np.full((S, S), 255, np.uint8)
+ALL = np.full((S, S), 255, np.uint8)
 DRAWN = np.random.default_rng(0).integers(0, 256, (S // 4, S // 4, 3), dtype=np.uint8)
 IMAGE = DRAWN.repeat(4, 0).repeat(4, 1)
 LEARNED = (10, 200, 30)
@@ -35,17 +36,26 @@ def of_one_colour(opacity: np.ndarray) -> np.ndarray:
     return np.dstack([alpha / 255 * np.array(LEARNED), alpha]).round().astype(np.uint8)
 
 
+def film_face(matte: np.ndarray | None = None, overlay: np.ndarray | None = None) -> FilmFace:
+    """That of the round head."""
+    return FilmFace(IMAGE, disc() if matte is None else matte, overlay, LANDMARKS, CONTOUR)
+
+
 def moved(
-    motion: tuple[float, float], opacity: np.ndarray, overlay: np.ndarray | None = None
+    motion: tuple[float, float],
+    opacity: np.ndarray,
+    share: np.ndarray = ALL,
+    held: np.ndarray = FREE,
+    **film: np.ndarray,
 ) -> CarriedHead:
     """The round head with a jaw that moved."""
-    head = of_one_colour(opacity)
-    return carried(IMAGE, disc(), overlay, head, ALL, np.array(motion), FREE, LANDMARKS, CONTOUR)
+    return film_face(**film).carried(of_one_colour(opacity), share, np.array(motion), held)
 
 
-def motion_to(opacity: np.ndarray, bare: np.ndarray = BARE, offset: float = 0.0) -> np.ndarray:
-    offsets = np.full(len(ANGLES), offset)
-    return jaw_motion(disc(), opacity, bare, offsets, LANDMARKS, CONTOUR)
+def motion_to(
+    opacity: np.ndarray, overlay: np.ndarray | None = None, offset: float = 0.0
+) -> np.ndarray:
+    return film_face(overlay=overlay).motion_to(opacity, np.full(len(ANGLES), offset))
 
 
 @pytest.mark.parametrize("down", [-40.0, -12.0, -3.0, 4.0, 14.0])
@@ -66,15 +76,16 @@ def test_a_dent_in_a_learned_chin_moves_nothing() -> None:
 
 
 def test_a_jaw_that_is_covered_stays() -> None:
-    covered = BARE.copy()
-    covered[MIDDLE:] = False
+    covered = np.zeros((S, S), np.uint8)
+    covered[MIDDLE:] = 255
     assert not motion_to(disc(END - MIDDLE - 10), covered).any()
 
 
 def test_a_jaw_opens_down_and_in_profile_backwards() -> None:
     profile = LANDMARKS.copy()
     profile[NOSE_TIP] += (180, 0)
-    way = np.sign(jaw_motion(disc(), disc(END - MIDDLE + 8), BARE, None, profile, CONTOUR))
+    face = FilmFace(IMAGE, disc(), None, profile, CONTOUR)
+    way = np.sign(face.motion_to(disc(END - MIDDLE + 8), None))
     assert way.tolist() == [-1, 1]
 
 
@@ -96,29 +107,14 @@ def test_lips_are_those_of_the_learned_head_and_what_is_above_the_films() -> Non
     assert tuple(made.head[y, x]) == (*LEARNED, 255)
     assert made.kept[y, x] == 0
     away = moving_share(LANDMARKS, np.arange(S), np.arange(S)[:, None]) == 0
-    none = carried(
-        IMAGE, disc(), None, of_one_colour(disc()), 0 * ALL, np.zeros(2), FREE, LANDMARKS, CONTOUR
-    )
-    assert not none.share.any()
-    nothing_learned = carried(
-        IMAGE,
-        disc(),
-        None,
-        of_one_colour(disc()),
-        0 * ALL,
-        np.array([0, 8.0]),
-        FREE,
-        LANDMARKS,
-        CONTOUR,
-    )
+    assert not moved((0, 0), disc(), 0 * ALL).share.any()
+    nothing_learned = moved((0, 8), disc(), 0 * ALL)
     assert not nothing_learned.share[away].any()
     assert nothing_learned.share.any()
 
 
 def test_a_jaw_that_does_not_move_is_the_films_to_the_bit() -> None:
-    made = carried(
-        IMAGE, disc(), None, of_one_colour(disc()), 0 * ALL, np.zeros(2), FREE, LANDMARKS, CONTOUR
-    )
+    made = moved((0, 0), disc(), 0 * ALL)
     inside = made.kept == 1
     assert inside[END - 10, MIDDLE]
     np.testing.assert_array_equal(made.head[inside][:, :3], IMAGE[inside])
@@ -127,7 +123,7 @@ def test_a_jaw_that_does_not_move_is_the_films_to_the_bit() -> None:
 def test_what_lies_over_the_jaw_does_not_move_with_it() -> None:
     overlay = np.zeros((S, S), np.uint8)
     overlay[END - 30 : END - 14, MIDDLE - 30 : MIDDLE + 30] = 255
-    made = moved((0, 10), disc(END - MIDDLE + 10), overlay)
+    made = moved((0, 10), disc(END - MIDDLE + 10), overlay=overlay)
     assert not made.share[overlay == 255].any()
     below = made.head[END - 12 : END - 6, MIDDLE, :3]  # where its pixels would come to lie
     assert (below == LEARNED).all()
@@ -137,17 +133,7 @@ def test_what_a_matte_holds_beside_the_face_stays_where_it_is() -> None:
     """A collar, or a shoulder: neither the mesh nor the learned head has it."""
     matte = disc()
     matte[END + 29 : END + 45, MIDDLE - 30 : MIDDLE + 30] = 255
-    made = carried(
-        IMAGE,
-        matte,
-        None,
-        of_one_colour(disc()),
-        ALL,
-        np.array([0, -8.0]),
-        FREE,
-        LANDMARKS,
-        CONTOUR,
-    )
+    made = moved((0, -8), disc(), matte=matte)
     collar = np.s_[END + 29 : END + 45, MIDDLE - 30 : MIDDLE + 30]
     assert not made.share[collar].any()
     assert not made.head[END + 22, MIDDLE, 3]
@@ -169,24 +155,13 @@ def test_a_chin_that_rises_a_little_stays_on_clothes(
 def test_what_is_held_does_not_move() -> None:
     held = np.zeros(S)
     held[:MIDDLE] = 1
-    made = carried(
-        IMAGE,
-        disc(),
-        None,
-        of_one_colour(disc()),
-        ALL,
-        np.array([0, -10.0]),
-        held,
-        LANDMARKS,
-        CONTOUR,
-    )
+    made = moved((0, -10), disc(), held=held)
     ends = [np.flatnonzero(made.head[:, MIDDLE + k, 3] > 127)[-1] for k in (-12, 12)]
     assert ends[0] - ends[1] == pytest.approx(10, abs=1)
 
 
 def test_a_mouth_outside_of_the_picture_changes_nothing() -> None:
     away = LANDMARKS + np.array([3 * S, 0])
-    head, contour = of_one_colour(disc()), face_contour(away, S)
-    assert not jaw_motion(disc(), disc(), BARE, None, away, contour).any()
-    made = carried(IMAGE, disc(), None, head, ALL, np.zeros(2), FREE, away, contour)
-    assert not made.share.any()
+    face = FilmFace(IMAGE, disc(), None, away, face_contour(away, S))
+    assert not face.motion_to(disc(), None).any()
+    assert not face.carried(of_one_colour(disc()), ALL, np.zeros(2), FREE).share.any()

@@ -1,0 +1,58 @@
+"""How a jaw opens: which way its chin moves, and what moves with it. S is the side of the crop."""
+
+import numpy as np
+
+from dubbing.compositing.face_mask import from_lips, near_mouth
+from dubbing.face.mesh_points import CHIN, FOREHEAD_TOP, LEFT_EAR, NOSE_TIP, RIGHT_EAR
+from dubbing.preparation.matting.matting import REFERENCE_SIZE
+
+# Of a jaw that opens, by how much a chin goes back while it goes down; from the tip of the nose to
+# the ears, in heights of the face.
+BACK, DEEP = 0.8, 0.6
+# Px by which a chin rises, and parts of the way it opens that lie across the face, between which it
+# comes off the clothes that it touches.
+RISE, TURNED = (12.0, 24.0), (0.34, 0.5)
+# Heights above the middle of the lips, of the face's, between which the jaw's motion fades out.
+STILL, MOVING = 0.02, -0.08
+
+
+def opening_way(landmarks: np.ndarray) -> np.ndarray:
+    """The way that a chin moves when a jaw opens, (2,): down, and back where that can be seen."""
+    down = landmarks[CHIN] - landmarks[FOREHEAD_TOP]
+    height = max(float(np.hypot(*down)), 1.0)
+    back = landmarks[[LEFT_EAR, RIGHT_EAR]].mean(0) - landmarks[NOSE_TIP]
+    return np.asarray((down + BACK * back / DEEP) / height)
+
+
+def touching(motion: np.ndarray, landmarks: np.ndarray, size: int) -> float:
+    """Share 0..1 of a jaw that rises that stays where it touches clothes.
+
+    Nobody has seen what a chin that rises a little uncovers there. It is skin, so skin stretches.
+    Behind a head that turns there is a wall, too, which other frames show.
+    """
+    way = opening_way(landmarks)
+    down = landmarks[CHIN] - landmarks[FOREHEAD_TOP]
+    down = down / max(float(np.hypot(*down)), 1.0)
+    rise = -float(motion @ down) * REFERENCE_SIZE / size
+    turned = abs(float(way[0] * down[1] - way[1] * down[0]))
+    return float((rise > 0) * falling(np.array(rise), RISE) * falling(np.array(turned), TURNED))
+
+
+def moving_share(landmarks: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Share of the jaw's motion at places, px: 1 at the chin, 0 above the lips and far from it."""
+    low = np.clip((STILL - from_lips(landmarks, x, y)[0]) / (STILL - MOVING), 0, 1)
+    near = near_mouth(landmarks, x, y)
+    share: np.ndarray = smooth(low) * smooth(near)
+    return share
+
+
+def smooth(share: np.ndarray) -> np.ndarray:
+    """A share 0..1 that rises and ends without a bend."""
+    return share * share * (3 - 2 * share)
+
+
+def falling(away: np.ndarray, limits: tuple[float, float]) -> np.ndarray:
+    """1 up to the first limit, 0 from the second on."""
+    near, far = limits
+    share: np.ndarray = np.clip((far - away) / (far - near), 0, 1)
+    return share
