@@ -40,7 +40,10 @@ LIPS = (8.0, 20.0)  # px from the lips between which the outline begins to be th
 # The learned head is shown in full near the lips and away from the outline, px; below the middle of
 # the lips, from this share of the face's height on, near them alone.
 MOUTH, INSIDE, NEAR, BELOW = (18.0, 36.0), (5.0, 24.0), (14.0, 46.0), 0.06
-BESIDE = (14.0, 20.0)  # px beyond face and learned head where a matte holds something else
+# Px beyond face and learned head where a matte holds something else, and where it holds clothes
+# that a chin touches.
+BESIDE, CLOTHES = (14.0, 20.0), (0.0, 2.0)
+PALE = 0.05  # how much lower their share of red is than the face's
 HALF = 127  # of 255
 STEP = 4.0  # px of a way
 AROUND = np.ones((5, 5), np.uint8)
@@ -149,7 +152,10 @@ class FilmFace:
         own, face = head[part], self.contour.region[part]
         learned = own[..., 3] > HALF
         new = learned | (remapped(face, places) > HALF)
-        opacity = remapped(self.matte, places) * falling(distance(~new) / unit, BESIDE)
+        beyond = distance(~new) / unit
+        opacity = remapped(self.matte, places) * falling(beyond, BESIDE)
+        clothes = of_another_red(film, (face > HALF) & learned)
+        opacity = np.where(clothes, opacity * falling(beyond, CLOTHES), opacity)
         shown = self._shown(part, opacity, own[..., 3], motion)
         if self.overlay is not None:
             # What lies over the film's jaw does not move with it.
@@ -195,6 +201,13 @@ def remapped(
 ) -> np.ndarray:
     """An image (S, S, ...) read at columns and rows (H, W), px; its edge beyond it."""
     return np.asarray(cv2.remap(image, *places, how, borderMode=cv2.BORDER_REPLICATE))
+
+
+def of_another_red(image: np.ndarray, face: np.ndarray) -> np.ndarray:
+    """Pixels (H, W) bool of an image (H, W, 3) uint8 that are less red than a face (H, W) bool."""
+    smooth = cv2.blur(image, (3, 3)).astype(np.float32) + 1
+    red = smooth[..., 0] / smooth.sum(2)
+    return np.asarray(red < (np.median(red[face]) if face.any() else 0) - PALE)
 
 
 def swept(region: np.ndarray, motion: np.ndarray) -> np.ndarray:

@@ -139,6 +139,22 @@ def test_what_a_matte_holds_beside_the_face_stays_where_it_is() -> None:
     assert not made.head[END + 22, MIDDLE, 3]
 
 
+def test_clothes_that_a_chin_touches_do_not_rise_with_it() -> None:
+    """A matte that was cut too low holds them, next to the chin."""
+    image = np.full((S, S, 3), (200, 150, 120), np.uint8)
+    shirt = np.s_[END + 1 : END + 11, MIDDLE - 30 : MIDDLE + 30]
+    opacity = {}
+    for name, colour in (("shirt", (40, 60, 120)), ("skin", (190, 140, 110))):
+        matte = disc()
+        matte[shirt], image[shirt] = 255, colour
+        face = FilmFace(image, matte, None, LANDMARKS, CONTOUR)
+        head = of_one_colour(disc(END - MIDDLE - 16))
+        made = face.carried(head, ALL, np.array([0, -16.0]), FREE)
+        opacity[name] = made.head[END - 12 : END - 6, MIDDLE - 10 : MIDDLE + 10, 3]
+    assert opacity["shirt"].max() < 40
+    assert opacity["skin"].min() > 200
+
+
 @pytest.mark.parametrize(
     ("down", "turn", "expected"),
     [(-8.0, 0.0, 1.0), (8.0, 0.0, 0.0), (-30.0, 0.0, 0.0), (-8.0, 160.0, 0.0)],
