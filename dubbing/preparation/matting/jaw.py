@@ -20,7 +20,8 @@ from dubbing.preparation.matting.matting import OPAQUE, REFERENCE_SIZE
 POINTS = 96  # of the line
 SPACING = 1.0  # px
 OFFSETS = np.arange(-5.0, 80.0 + SPACING / 2, SPACING)  # px along a normal
-SHAVEN = 36  # of them are looked at where nobody has a beard: up to 30 px
+# Of them are looked at where nobody has a beard, and where heads turn: up to 30 and to 50 px.
+SHAVEN, OPEN_PROFILE = 36, 56
 # px: expected distance of the edge from FaceMesh's line, the last one of a beard or a turned head.
 ABOVE, BELOW, FAR_BELOW = 2.5, 14.0, 35.0
 # Distances of the nose from the middle between the ears, as shares of theirs: 25 and 35 degrees,
@@ -52,6 +53,7 @@ def edge_costs(
     outline: np.ndarray,
     unsure: float = 0,
     beard: JawColours | None = None,
+    reach: int = SHAVEN,
 ) -> np.ndarray:
     """Cost (POINTS, J) of the edge lying the first J OFFSETS below an outline (K, 2) px.
 
@@ -62,10 +64,11 @@ def edge_costs(
         image: (S, S, 3) uint8 RGB. person: (S, S) uint8, opacity.
         unsure: 0..1, how little FaceMesh's line says of the edge.
         beard: colours of the jaw, where there may be one.
+        reach: J where there is no beard.
     """
     unit = len(image) / REFERENCE_SIZE
     line = evenly(outline, POINTS)
-    offsets = OFFSETS if beard else OFFSETS[:SHAVEN]
+    offsets = OFFSETS if beard else OFFSETS[:reach]
     places = line[:, None] + (offsets * unit)[:, None] * normals(line)[:, None]
     smooth = cv2.GaussianBlur(image, (0, 0), unit)
     x, y = (places[..., k].astype(np.float32) for k in range(2))
@@ -78,7 +81,8 @@ def edge_costs(
     inside = cv2.remap(person, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) >= OPAQUE
     ends = np.where((inside.all(1) | ~inside[:, 0])[:, None], np.inf, inside.argmin(1)[:, None])
     wall = WALL
-    if np.isfinite(ends[line[:, 1].argmax()]):  # the lowest point: a chin without a neck below it
+    # A chin that is open may lie behind the line. Its lowest point: is there no neck below it?
+    if np.isfinite(ends[np.where(inside[:, 0], line[:, 1], -np.inf).argmax()]):
         wall, passed = PROFILE_WALL, np.where(np.isfinite(ends), 0, passed)
     cost = far**2 / 2 - MAX_REWARD * step / (step + CLEAR) + CROSSED * SPACING * passed
     if beard:
@@ -86,6 +90,8 @@ def edge_costs(
         cost += LIKE_BEARD * SPACING * (np.cumsum(unlike, axis=1) - unlike)
     place = np.arange(len(offsets))
     cost += np.where(place > ends, wall, np.where(place >= ends - 1, -wall, 0))
+    if not (beard or unsure):
+        cost[:, SHAVEN:] = np.inf
     still = round(ENDS * POINTS)
     for end in (slice(0, still), slice(POINTS - still, None)):
         cost[end] = offsets**2

@@ -23,8 +23,10 @@ from dubbing.preparation.crops.threads import in_order
 from dubbing.preparation.crops.tracked_crops import OPACITY, PERSON, TrackedCrops, create_images
 from dubbing.preparation.matting.beard import FRAMES, Beard, JawColours, jaw_colours
 from dubbing.preparation.matting.jaw import (
+    OPEN_PROFILE,
     POINTS,
     PROFILE,
+    SHAVEN,
     edge_costs,
     edge_offsets,
     expect_as_around,
@@ -112,7 +114,7 @@ def jaw_lines(clip: TrackedCrops, beards: Sequence[Beard], progress: ReportShare
     def work(t: int) -> np.ndarray:
         colours = colours_of(clip, t).usual(beards[clip.segment[t]]) if every.any() else None
         frame = clip.crops[t], clip.opacity[t], clip.outline[t]
-        return edge_costs(*frame, unsure[t], colours)
+        return edge_costs(*frame, unsure[t], colours, OPEN_PROFILE if unsure.any() else SHAVEN)
 
     costs = []
     for cost in in_order(work, ((t,) for t in range(len(clip)))):

@@ -31,6 +31,7 @@ FOLDS = 4  # of the frames: each is read by what was learned from the others
 # number of frames. With other speech 7 % of films have as much.
 LEAST, SURE = 0.2, 3.0
 STRENGTH = 0.05  # of the regression from lengths to shapes, a frame
+BACK = 0.8  # of how far a chin goes down
 BESIDE = 1.0  # seconds of sound before and after the frames
 
 
@@ -60,9 +61,14 @@ class LipShapes:
         return LipShapes(lengths, weights.reshape(-1, *shape.shape))
 
     def changes(self, lips: np.ndarray) -> np.ndarray:
-        """By how much shapes (K, 478, 3) with lips (K, L) differ from the mean shape."""
+        """By how much shapes (K, 478, 3) with lips (K, L) differ from the mean shape.
+
+        What moves down moves backwards, too, as the jaw hinges: from the front that is not seen.
+        """
         usual, spread = self.lengths.mean(0), np.maximum(self.lengths.std(0), 1e-6)
-        return np.asarray(np.tensordot((lips - usual) / spread, self.weights, 1))
+        found = np.tensordot((lips - usual) / spread, self.weights, 1)
+        found[..., 2] = BACK * found[..., 1]
+        return np.asarray(found)
 
 
 def read_lips(pictures: np.ndarray, heard: np.ndarray) -> np.ndarray | None:
