@@ -4,6 +4,7 @@ import numpy as np
 
 from dubbing.face.mesh_points import LEFT_EAR, NOSE_TIP, RIGHT_EAR
 from dubbing.preparation.matting.jaw import (
+    OPEN_PROFILE,
     POINTS,
     PROFILE,
     edge_costs,
@@ -68,6 +69,22 @@ def test_a_chin_before_the_wall_ends_where_the_person_does() -> None:
     assert np.abs(there[:, 1] - truth).max() < 2.5
     neck = offsets_of(image, chin, LINE)[: POINTS // 5]
     assert np.abs(neck).max() < 2.5
+
+
+def test_an_open_chin_lies_behind_the_line_and_far_below_it() -> None:
+    """The chin of the line, its lowest point, is in the wall; that of the picture 38 px lower."""
+    row, column = np.mgrid[:SIZE, :SIZE]
+    below = np.clip(row - jaw_row(column), 0, 38)
+    image = np.repeat((190 - 3 * below)[..., None], 3, 2).astype(np.uint8)
+    person = np.where((row < jaw_row(column) + 38) & (column < 250), 255, 0).astype(np.uint8)
+    costs = edge_costs(image, person, LINE, 0.8, None, OPEN_PROFILE)
+    line = moved(LINE, edge_offsets(costs[None], SIZE)[0])
+    chin = (line[:, 0] > 180) & (line[:, 0] < 235)
+    assert chin.sum() > 5
+    assert np.abs(line[chin, 1] - jaw_row(line[chin, 0]) - 38).max() < 8
+    # A head that is seen from the front has no chin so far down.
+    front = edge_costs(image, person, LINE, 0.0, None, OPEN_PROFILE)
+    assert edge_offsets(front[None], SIZE).max() <= 30
 
 
 def test_the_shading_of_a_profile_is_no_edge_but_that_of_a_neck_is() -> None:
