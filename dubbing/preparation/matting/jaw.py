@@ -20,7 +20,7 @@ from dubbing.preparation.matting.matting import OPAQUE, REFERENCE_SIZE
 POINTS = 96  # of the line
 SPACING = 1.0  # px
 OFFSETS = np.arange(-5.0, 80.0 + SPACING / 2, SPACING)  # px along a normal
-# Of them are looked at where nobody has a beard, and where heads turn: up to 30 and to 50 px.
+# Of them are looked at where nobody has a beard, and in a profile: up to 30 and to 50 px.
 SHAVEN, OPEN_PROFILE = 36, 56
 # px: expected distance of the edge from FaceMesh's line, the last one of a beard or a turned head.
 ABOVE, BELOW, FAR_BELOW = 2.5, 14.0, 35.0
@@ -90,8 +90,6 @@ def edge_costs(
         cost += LIKE_BEARD * SPACING * (np.cumsum(unlike, axis=1) - unlike)
     place = np.arange(len(offsets))
     cost += np.where(place > ends, wall, np.where(place >= ends - 1, -wall, 0))
-    if not (beard or unsure):
-        cost[:, SHAVEN:] = np.inf
     still = round(ENDS * POINTS)
     for end in (slice(0, still), slice(POINTS - still, None)):
         cost[end] = offsets**2

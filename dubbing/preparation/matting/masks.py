@@ -111,10 +111,15 @@ def jaw_lines(clip: TrackedCrops, beards: Sequence[Beard], progress: ReportShare
     every = np.array([beard.share for beard in beards])[clip.segment]
     unsure = np.maximum(every, [MOST_UNSURE * turned_share(points) for points in clip.landmarks])
 
+    profile = np.array([turned_share(points, PROFILE) > 0.5 for points in clip.landmarks])
+    reach = np.where(profile, OPEN_PROFILE, SHAVEN)
+
     def work(t: int) -> np.ndarray:
         colours = colours_of(clip, t).usual(beards[clip.segment[t]]) if every.any() else None
         frame = clip.crops[t], clip.opacity[t], clip.outline[t]
-        return edge_costs(*frame, unsure[t], colours, OPEN_PROFILE if unsure.any() else SHAVEN)
+        cost = edge_costs(*frame, unsure[t], colours, reach[t])
+        further = max(0, reach.max() - cost.shape[1])
+        return np.pad(cost, ((0, 0), (0, further)), constant_values=np.inf)
 
     costs = []
     for cost in in_order(work, ((t,) for t in range(len(clip)))):
