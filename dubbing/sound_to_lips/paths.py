@@ -7,6 +7,7 @@ from dubbing.speech.weight_paths import VOICE_DETECTOR
 
 ENCODER_WEIGHTS = Path(__file__).with_name("encoder.safetensors")
 FILTER_WEIGHTS = Path(__file__).with_name("filter.safetensors")
+LIP_WEIGHTS = {"lip_encoder": ENCODER_WEIGHTS, "lip_filter": FILTER_WEIGHTS}
 
 
 def speech_weights(name: str, weights: Path | None) -> dict[str, Path]:
@@ -16,5 +17,4 @@ def speech_weights(name: str, weights: Path | None) -> dict[str, Path]:
         name: of the features; weights: the user's own for them.
     """
     own = {f"features {of}".strip(): path for of, path in weights_files(name, weights).items()}
-    lips = {"lip_encoder": ENCODER_WEIGHTS, "lip_filter": FILTER_WEIGHTS}
-    return {**own, **lips, "voice_detector": VOICE_DETECTOR}
+    return {**own, **LIP_WEIGHTS, "voice_detector": VOICE_DETECTOR}

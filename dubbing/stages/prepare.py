@@ -11,6 +11,7 @@ from dubbing.engine.graph.fields import Setting
 from dubbing.engine.graph.stage import Progress, Rate
 from dubbing.face.weight_paths import FACE_WEIGHTS, PERSON_WEIGHTS
 from dubbing.preparation.tracking.portraits import Portrait
+from dubbing.sound_to_lips.paths import LIP_WEIGHTS
 from dubbing.stages.base import DubbingStage
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ class Prepare(DubbingStage):
             size=person.size,
             people=clip.portraits,
             part=clip.part,
-            weights={**FACE_WEIGHTS, **PERSON_WEIGHTS},
+            weights={**FACE_WEIGHTS, **PERSON_WEIGHTS, **LIP_WEIGHTS},
             crops=clip.used_frames * person.crops(clip),
         )
 

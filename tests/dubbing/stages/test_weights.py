@@ -37,7 +37,7 @@ def test_every_weights_file_of_the_package_is_an_input_of_who_reads_it(tmp_path:
         "refine_poses": {"encoder", "filter", "acoustic_weights", "voice_detector", *faces},
         "finetune": faces,
         "render": {"encoder", "filter", "acoustic_weights", "voice_detector"},
-        "prepare": hands,
+        "prepare": {"acoustic_weights", "voice_detector", *hands},
         "check": {"person_mask", *hands},
         "check_source": {"person_mask", *hands},
     }
