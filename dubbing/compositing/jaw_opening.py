@@ -5,10 +5,9 @@ import numpy as np
 from dubbing.compositing.face_mask import from_lips, near_mouth
 from dubbing.face.mesh_points import CHIN, FOREHEAD_TOP, LEFT_EAR, NOSE_TIP, RIGHT_EAR
 from dubbing.preparation.matting.matting import REFERENCE_SIZE
+from dubbing.preparation.turning.profile_lips import BACK
 
-# Of a jaw that opens, by how much a chin goes back while it goes down; from the tip of the nose to
-# the ears, in heights of the face.
-BACK, DEEP = 0.8, 0.6
+DEEP = 0.6  # from the tip of the nose to the ears, in heights of the face
 # Px by which a chin rises, and parts of the way it opens that lie across the face, between which it
 # comes off the clothes that it touches.
 RISE, TURNED = (12.0, 24.0), (0.34, 0.5)

@@ -55,7 +55,7 @@ def with_detail_of(
     there = motion(over, film, unit)
 
     def seen(values: np.ndarray) -> np.ndarray:
-        """What the film has where the head has the same skin."""
+        """Values of the film where the head has the same skin."""
         return np.asarray(cv2.remap(values, *there, cv2.INTER_LINEAR))
 
     apart = np.abs(cv2.GaussianBlur(seen(film) - over, (0, 0), FINE * unit))

@@ -83,7 +83,7 @@ class Person:
         return replace(self, learned=parts)
 
     def learned_minutes(self) -> list[str]:
-        """What of a long clip is learned from for dubs, in words."""
+        """The part of a long clip that is learned from for dubs, in words."""
         return [
             f"identities.{self.name}: of {clip.path.name} learned from {first // 60}:00 to "
             f"{-(-stop // 60)}:00 alone, turned heads included; `start` chooses other minutes"

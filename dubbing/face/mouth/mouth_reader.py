@@ -1,4 +1,4 @@
-"""What lips do, read off pictures of the mouth, where landmarks say little.
+"""Lips read off pictures of the mouth, where landmarks say little.
 
 A ridge regression learns it from the principal components of pictures for which it is known.
 

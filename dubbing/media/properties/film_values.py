@@ -98,7 +98,7 @@ class FilmValues:
     def _newly_bright(
         self, values: np.ndarray, before: np.ndarray, after: np.ndarray
     ) -> np.ndarray:
-        """What a display does not show of pixels (H, W, 3) that became as bright as others nearby.
+        """Values beyond white of pixels (H, W, 3) that became as bright as others nearby.
 
         As of a collar of 400 cd/m2 that comes out behind a jaw: its picture ends at white.
         """

@@ -31,7 +31,7 @@ FOLDS = 4  # of the frames: each is read by what was learned from the others
 # number of frames. With other speech 7 % of films have as much.
 LEAST, SURE = 0.2, 3.0
 STRENGTH = 0.05  # of the regression from lengths to shapes, a frame
-BACK = 0.8  # of how far a chin goes down
+BACK = 0.8  # of a jaw that opens, by how much a chin goes back while it goes down
 BESIDE = 1.0  # seconds of sound before and after the frames
 
 
@@ -54,7 +54,7 @@ class LipShapes:
         points = points.astype(np.float64)
         seen = similarity(points[:, rigid], shape[rigid])(points)
         lengths = lip_lengths(seen[..., :2])
-        parts = (lengths - lengths.mean(0)) / np.maximum(lengths.std(0), 1e-6)
+        parts = standardised(lengths)
         square = parts.T @ parts + STRENGTH * len(parts) * np.eye(len(parts.T))
         changes = (seen - seen.mean(0)).reshape(len(seen), -1)
         weights = np.linalg.solve(square, parts.T @ changes)

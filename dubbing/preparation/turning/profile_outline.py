@@ -1,4 +1,4 @@
-"""What the outline of a profile says of its face: how it is tilted, and how far it stands out.
+"""Tilt and depth of a face, read off the outline of its profile.
 
 FaceMesh guesses depth from the front: lips and chin of its mean shape may stand out too far by a
 centimetre. And poses that were followed from the front on drift. Both show where a head is turned:

@@ -1,4 +1,4 @@
-"""What the acoustic network learns from: its teacher's senones, the phones, and the lips.
+"""Losses of the acoustic network: of its teacher's senones, the phones, and the lips.
 
 Letters as in `dubbing.speech.acoustic_network`.
 """
