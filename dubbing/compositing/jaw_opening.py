@@ -3,9 +3,15 @@
 import numpy as np
 
 from dubbing.compositing.face_mask import from_lips, near_mouth
-from dubbing.face.mesh_points import CHIN, FOREHEAD_TOP, LEFT_EAR, NOSE_TIP, RIGHT_EAR
+from dubbing.face.mesh_points import (
+    CHIN,
+    FOREHEAD_TOP,
+    JAW_BACK,
+    LEFT_EAR,
+    NOSE_TIP,
+    RIGHT_EAR,
+)
 from dubbing.preparation.matting.matting import REFERENCE_SIZE
-from dubbing.preparation.turning.profile_lips import BACK
 
 DEEP = 0.6  # from the tip of the nose to the ears, in heights of the face
 # Px by which a chin rises, and parts of the way it opens that lie across the face, between which it
@@ -20,7 +26,7 @@ def opening_way(landmarks: np.ndarray) -> np.ndarray:
     down = landmarks[CHIN] - landmarks[FOREHEAD_TOP]
     height = max(float(np.hypot(*down)), 1.0)
     back = landmarks[[LEFT_EAR, RIGHT_EAR]].mean(0) - landmarks[NOSE_TIP]
-    return np.asarray((down + BACK * back / DEEP) / height)
+    return np.asarray((down + JAW_BACK * back / DEEP) / height)
 
 
 def touching(motion: np.ndarray, landmarks: np.ndarray, size: int) -> float:

@@ -57,6 +57,9 @@ BROWS_AND_BRIDGE: tuple[int, ...] = (
     *(301, 263, 5, 33, 71),
 )
 
+# Of a jaw that opens, by how much the chin goes back while it goes down: it hinges at the ears.
+JAW_BACK = 0.8
+
 # The jaw from one ear lobe to the other, left to right.
 JAW: tuple[int, ...] = (
     *(132, 58, 172, 136, 150, 149, 176, 148, 152),

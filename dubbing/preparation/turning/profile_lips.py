@@ -15,7 +15,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from dubbing.engine.graph.stage import ReportShare
-from dubbing.face.mesh_points import CHIN, LEFT_EAR, NOSE_BASE, NOSE_TIP, RIGHT_EAR, RIGID
+from dubbing.face.mesh_points import (
+    CHIN,
+    JAW_BACK,
+    LEFT_EAR,
+    NOSE_BASE,
+    NOSE_TIP,
+    RIGHT_EAR,
+    RIGID,
+)
 from dubbing.face.mouth.lip_measures import LIP_DISTANCES, TOUCHING, lip_lengths, standardised
 from dubbing.face.mouth.mouth_reader import REACH, MouthReader, mouth_picture
 from dubbing.face.mouth.mouth_shape import OUTER_LIP
@@ -31,7 +39,6 @@ FOLDS = 4  # of the frames: each is read by what was learned from the others
 # number of frames. With other speech 7 % of films have as much.
 LEAST, SURE = 0.2, 3.0
 STRENGTH = 0.05  # of the regression from lengths to shapes, a frame
-BACK = 0.8  # of a jaw that opens, by how much a chin goes back while it goes down
 BESIDE = 1.0  # seconds of sound before and after the frames
 
 
@@ -67,7 +74,7 @@ class LipShapes:
         """
         usual, spread = self.lengths.mean(0), np.maximum(self.lengths.std(0), 1e-6)
         found = np.tensordot((lips - usual) / spread, self.weights, 1)
-        found[..., 2] = BACK * found[..., 1]
+        found[..., 2] = JAW_BACK * found[..., 1]
         return np.asarray(found)
 
 
