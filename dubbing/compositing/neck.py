@@ -149,7 +149,9 @@ def room_below(image: np.ndarray, low: np.ndarray, jaw: np.ndarray) -> np.ndarra
     usual = np.median(light[face])
     pale = np.where(light < usual, SHADED, SKIN)
     dark, gap, below = light < DARK * usual, light < GAP * usual, row >= low
-    other = below & (gap | (~dark & (red < np.median(red[face]) - pale)))
+    unlike = red < np.median(red[face]) - pale
+    gap &= ~_enclosed(below & ~dark & ~unlike)
+    other = below & (gap | (~dark & unlike))
     first = np.where(other.any(0), other.argmax(0), len(row))
     # A shadow with neck below it is neck.
     neck = below & ~dark & (row - rows.start < first)
@@ -158,6 +160,12 @@ def room_below(image: np.ndarray, low: np.ndarray, jaw: np.ndarray) -> np.ndarra
     collar = np.where(neck.any(0), collar, 0)
     out[columns] = np.clip(collar - low, 0, MAX_NECK_PX * unit)
     return out
+
+
+def _enclosed(skin: np.ndarray) -> np.ndarray:
+    """Pixels (H, W) bool with skin to the left, to the right and below: at most its shadow."""
+    beside = np.logical_or.accumulate(skin, 1) & np.logical_or.accumulate(skin[:, ::-1], 1)[:, ::-1]
+    return np.asarray(beside & np.logical_or.accumulate(skin[::-1])[::-1])
 
 
 def smooth(rows: np.ndarray, unit: float) -> np.ndarray:

@@ -61,6 +61,23 @@ def test_a_chin_that_is_lower_pushes_the_neck_down() -> None:
     assert (below[COLLAR + 1 :] == SHIRT).all()
 
 
+def test_a_deep_shadow_in_the_middle_of_a_neck_is_neck() -> None:
+    """As on dark skin: on both sides of it, and below it, there is neck."""
+    image, background, matte, contour = scene()
+    rows, columns = np.mgrid[:S, :S] - S / 2
+    radius = np.hypot(rows, columns)
+    image[(radius > FILM) & (radius < FILM + 8) & (np.abs(columns) < 12) & (rows > 0)] = (
+        20,
+        14,
+        14,
+    )
+    neck = Neck.of(image, matte, contour)
+    middle = slice(S // 2 - 30, S // 2 + 30)
+    assert neck.room[middle].min() > COLLAR - FILM - 12
+    made, _ = with_neck(image, background, neck, disc(90))
+    assert (made[S // 2 + 92, middle] != GROWN).any(1).all()
+
+
 def test_a_chin_on_the_collar_changes_nothing() -> None:
     image, background, matte, contour = scene()
     made, where = with_neck(image, background, Neck.of(image, matte, contour), disc(COLLAR - 3))
