@@ -23,8 +23,8 @@ LARGE = 0.1  # of it: what hides a face, and has its colours
 AROUND, MOST = 2, 3  # in so many frames of those that near, or it is chance
 WHILE, LASTING = 8, 0.4  # frames before and after, and share of them in which a thing is there
 ROUNDS = 3  # of grabCut
-SOFT = 2.0  # px at 512, the edge of a mask
-FADED, WHOLE = 0.15, 0.5  # of a coarse mask, where a fine one ends and is 1: the edge lies outside
+SOFT = 1.0  # px at 512, the edge of a mask
+FADED, WHOLE = 0.05, 0.3  # of a coarse mask, where a fine one ends and is 1: the edge lies outside
 BITE, STRIP = 3, 1  # px of the frame of the face: what a shine bites off, and a gap of the lips
 
 
@@ -140,6 +140,17 @@ def whole(mask: np.ndarray) -> np.ndarray:
     )
     solid = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, strip)
     return np.asarray(cv2.morphologyEx(solid, cv2.MORPH_CLOSE, bite) > 0)
+
+
+def without_dents(piece: np.ndarray, compared: Compared) -> np.ndarray:
+    """One thing (H, W) bool, with what within its convex hull differs from the head.
+
+    A shine has other colours than the thing that it lies on, and a cut by colours leaves it out.
+    """
+    contours, _ = cv2.findContours(piece.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    hull = np.zeros(piece.shape, np.uint8)
+    cv2.fillConvexPoly(hull, cv2.convexHull(np.concatenate(contours)), 1)
+    return piece | ((hull > 0) & (compared.apart > APART))
 
 
 def steady(seeds: list[np.ndarray]) -> list[np.ndarray]:

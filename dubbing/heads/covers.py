@@ -32,6 +32,7 @@ from dubbing.heads.cover_cut import (
     mask_of,
     steady,
     unexplained,
+    without_dents,
 )
 from dubbing.heads.hand_cut import hand_mask, in_face, lies_over
 from dubbing.heads.pose_refinement import refined, trust
@@ -182,7 +183,9 @@ def told_apart(
     count, pieces = cv2.connectedComponents(whole.astype(np.uint8))
     for piece in (pieces == k for k in range(1, count)):
         coloured = by_colours and (piece & ~seen.lips).any() and not is_like_skin(seen, piece)
-        if coloured or (piece & near).any():
+        if coloured:
+            pixels |= without_dents(piece, seen)
+        elif (piece & near).any():
             pixels |= piece
     return Cover(pixels, hands) if hands or pixels.any() else None
 
