@@ -127,13 +127,15 @@ class DubFigures:
             smooth = cv2.GaussianBlur(grey, (0, 0), FINE)
             before, self._noise[k] = self._noise[k], grey - smooth
             if before is not None:
-                changed = np.abs(self._noise[k] - before)[region]
-                noise.append(1.4826 * float(np.median(changed)) / np.sqrt(2))
+                changed = np.abs(self._noise[k] - before)
+                noise.append(deviation(changed[region]))
+                beside = deviation(changed[~region])
             sharp.append(gradient_energies(np.repeat(smooth[..., None], 3, 2))[region].sum())
         self._sums.add("sharpness", sharp[0], sharp[1])
         if noise:
             self._sums.add("noise", noise[0], noise[1])
-            self._keep("true_noise", noise[1])
+            # Skin that moves changes, too, but what is beside it only by noise.
+            self._keep("true_noise", beside)
 
     def _chin(
         self, dub: np.ndarray, truth: np.ndarray, film_points: np.ndarray, points: np.ndarray
@@ -162,6 +164,11 @@ class DubFigures:
         found |= {name: self._sums.ratio(name) for name in names}
         found |= self._mouths.figures()
         return {name: value for name, value in found.items() if not np.isnan(value)}
+
+
+def deviation(changes: np.ndarray) -> float:
+    """Standard deviation of the noise in one frame, of differences between two; robust."""
+    return 1.4826 * float(np.median(changes)) / float(np.sqrt(2))
 
 
 def differs(image: np.ndarray, other: np.ndarray, levels: int) -> np.ndarray:
