@@ -47,7 +47,7 @@ from dubbing.preparation.tracking.reach import views_of
 from dubbing.preparation.tracking.tracking import Arrays
 from dubbing.preparation.tracking.warnings import face_warnings_of, warnings_of
 from dubbing.preparation.turning.head_surface import HeadSurface
-from dubbing.preparation.turning.profile_lips import LipShapes, Profiles
+from dubbing.preparation.turning.profile_lips import LipShapes, Profiles, told_lengths
 from dubbing.preparation.turning.profile_outline import outlined
 from dubbing.preparation.turning.turned import Footage, angles, turned_step
 
@@ -157,15 +157,19 @@ def _track(
     surface = HeadSurface(track["shape"], observed.focal)
     footage = Footage(crops, open_images(masks[1]), observed.centre, segment, surface)
     turned = steps.run("turned", partial(turned_step, bundle, track, footage))
-    poses = Poses(turned["rotation"], turned["translation"])
+    shape, poses = track["shape"], Poses(turned["rotation"], turned["translation"])
     known = turned["known"] & surveyed["followed"]
     turn, front = np.where(known, angles(poses), np.nan), bundle["trusted"]
-    shape, poses = outlined(track["shape"], poses, turn, footage)
-    mean_face = project(to_camera(poses, shape), observed.focal, observed.centre)
-    shapes = LipShapes.of(detected["points"][front], shape)
-    profiles = Profiles(crops, mean_face, turn, detected["valid"], front, shapes)
+    own = outlined(shape, poses, turn, footage)
+    mean_face = project(to_camera(own[1], own[0]), observed.focal, observed.centre)
+    shapes = LipShapes.of(detected["points"][front], own[0])
+    lengths = told_lengths(detected["points"], detected["valid"], own[0])
+    profiles = Profiles(crops, mean_face, turn, lengths, front)
     lips = steps.run("lips", partial(profiles.lips_step, info, first))["lips"]
-    detected["valid"] |= np.isfinite(lips).all(1)
+    read = np.isfinite(lips).all(1)
+    detected["valid"] |= read
+    if read.any():  # where landmarks tell all lips, these lie on the face that fits landmarks
+        shape, poses = own
     landmarks = tracking.filled_landmarks(
         detected, front, shape, poses, observed, shapes.changes(lips)
     )

@@ -38,6 +38,7 @@ FOLDS = 4  # of the frames: each is read by what was learned from the others
 # Correlation of the opening so read with the one that is heard: at least, and times the root of the
 # number of frames. With other speech 7 % of films have as much.
 LEAST, SURE = 0.2, 3.0
+AGREED = 0.7  # correlation of openings from which landmarks are right: what is read is no better
 STRENGTH = 0.05  # of the regression from lengths to shapes, a frame
 BESIDE = 1.0  # seconds of sound before and after the frames
 
@@ -57,9 +58,7 @@ class LipShapes:
     @staticmethod
     def of(points: np.ndarray, shape: np.ndarray) -> LipShapes:
         """That of landmarks (N, 478, 3) px and their mean shape (478, 3)."""
-        rigid = list(RIGID)
-        points = points.astype(np.float64)
-        seen = similarity(points[:, rigid], shape[rigid])(points)
+        seen = _aligned(points, shape)
         lengths = lip_lengths(seen[..., :2])
         parts = standardised(lengths)
         square = parts.T @ parts + STRENGTH * len(parts) * np.eye(len(parts.T))
@@ -76,6 +75,19 @@ class LipShapes:
         found = np.tensordot((lips - usual) / spread, self.weights, 1)
         found[..., 2] = JAW_BACK * found[..., 1]
         return np.asarray(found)
+
+
+def told_lengths(points: np.ndarray, valid: np.ndarray, shape: np.ndarray) -> np.ndarray:
+    """Lip lengths (T, L), eye distances, of landmarks (T, 478, 3) px; NaN where not valid (T,)."""
+    out = np.full((len(points), len(LIP_DISTANCES)), np.nan)
+    out[valid] = lip_lengths(_aligned(points[valid], shape)[..., :2])
+    return out
+
+
+def _aligned(points: np.ndarray, shape: np.ndarray) -> np.ndarray:
+    """Landmarks (N, 478, 3) laid on a shape (478, 3) by what speech does not move."""
+    points, rigid = points.astype(np.float64), list(RIGID)
+    return similarity(points[:, rigid], shape[rigid])(points)
 
 
 def read_lips(pictures: np.ndarray, heard: np.ndarray) -> np.ndarray | None:
@@ -105,16 +117,15 @@ class Profiles:
     Attributes:
         crops: (T, S, S, 3) uint8. places: (T, 478, 2) px, landmarks of the mean face.
         turn: (T,) rad between the face and the camera; NaN where that is not known.
-        valid: (T,) bool, frames with landmarks. front: (T,) bool, those seen from the front.
-        shapes: of the front frames.
+        lengths: (T, L) eye distances, of the lips as landmarks tell them; NaN without landmarks.
+        front: (T,) bool, frames seen from the front.
     """
 
     crops: np.ndarray
     places: np.ndarray
     turn: np.ndarray
-    valid: np.ndarray
+    lengths: np.ndarray
     front: np.ndarray
-    shapes: LipShapes
 
     def lips_step(
         self, info: MediaInfo, first: int, progress: ReportShare
@@ -127,20 +138,32 @@ class Profiles:
         Returns:
             lips (T, L), eye distances; NaN where they were not read.
         """
-        lips = np.full((len(self.turn), len(LIP_DISTANCES)), np.nan)
+        lips = np.full_like(self.lengths, np.nan)
         some = (self.turn > PROFILE) & ~self.front
-        wanted = some & (~self.valid | (self.turn > SIDEWAYS))
+        told = np.isfinite(self.lengths).all(1)
+        unsure = some & told & (self.turn > SIDEWAYS)
+        wanted = (some & ~told) | unsure
         enough = some.sum() >= FEWEST and self.front.sum() >= FRONT
         if wanted.any() and enough and info.audio_rate is not None:
-            own = self.shapes.lengths
+            own = self.lengths[self.front]
             heard = heard_lips(info, first, self.front, own)
             places = zip(self.crops[some], self.places[some], strict=True)
             pictures = [profile_picture(image, points) for image, points in places]
             read = read_lips(np.stack(pictures), heard[some])
             if read is not None:
-                lips[wanted] = own.mean(0) + read[wanted[some]] * own.std(0)
+                lips[some] = own.mean(0) + read * own.std(0)
+                if agree(lips[unsure, 0], self.lengths[unsure, 0]):
+                    wanted &= ~unsure
+                lips[~wanted] = np.nan
         progress(1.0)
         return {"lips": lips}
+
+
+def agree(read: np.ndarray, told: np.ndarray) -> bool:
+    """Whether openings (K,) that were read, and that landmarks tell, are the same ones."""
+    if len(read) < FEWEST or not told.std():
+        return False
+    return bool(np.corrcoef(read, told)[0, 1] > AGREED)
 
 
 def profile_picture(image: np.ndarray, landmarks: np.ndarray) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -106,12 +107,11 @@ def film(rng: Rng, monkeypatch: pytest.MonkeyPatch) -> tuple[Profiles, np.ndarra
     turn = np.where(frames < FRONT, 0.1, np.radians(80))
     turn[-5:] = np.radians(65)
     valid = (frames < FRONT) | (frames >= FRAMES - 5)
-    points = rng.normal(size=(FRONT, 478, 3))
-    shapes = LipShapes.of(points, points.mean(0))
+    lengths = np.where(valid[:, None], 1 + 0.1 * rng.normal(size=(FRAMES, LENGTHS)), np.nan)
     images, places = np.zeros((FRAMES, 8, 8, 3), np.uint8), np.zeros((FRAMES, 478, 2))
     monkeypatch.setattr(profile_lips, "profile_picture", lambda *_: next(pictures))
     monkeypatch.setattr(profile_lips, "heard_lips", lambda *_: lips + 0.3 * spoken(rng))
-    profiles = Profiles(images, places, turn, valid, frames < FRONT, shapes)
+    profiles = Profiles(images, places, turn, lengths, frames < FRONT)
     return profiles, lips, lambda rate: type("Info", (), {"audio_rate": rate})
 
 
@@ -120,10 +120,24 @@ def test_only_lips_that_landmarks_do_not_tell_are_read(film: tuple[Profiles, Any
     read = profiles.lips_step(info(16000), 0, lambda _: None)["lips"]
     told = np.isfinite(read).all(1)
     assert told.tolist() == [FRONT <= t < FRAMES - 5 for t in range(FRAMES)]
-    own = profiles.shapes.lengths
+    own = profiles.lengths[:FRONT]
     wanted = own.mean(0) + lips * own.std(0)
     assert correlation(read[told, 0], wanted[told, 0]) > 0.9
     assert 0.7 < read[told, 0].std() / wanted[told, 0].std() < 1.3
+
+
+@pytest.mark.parametrize(("noise", "read"), [(0.3, False), (3.0, True)])
+def test_landmarks_of_profiles_count_where_they_say_what_the_picture_says(
+    film: tuple[Profiles, np.ndarray, Any], rng: Rng, noise: float, read: bool
+) -> None:
+    profiles, lips, info = film
+    told, lost = 0.1 * (lips + noise * spoken(rng)) + 1, slice(FRONT, FRONT + 9)
+    told[lost] = np.nan
+    seen = replace(profiles, lengths=told)
+    found = np.isfinite(seen.lips_step(info(16000), 0, lambda _: None)["lips"]).all(1)
+    assert found[lost].all()
+    assert found[lost.stop : -5].all() == read
+    assert found.sum() == (FRAMES - FRONT - 5 if read else 9)
 
 
 def test_without_sound_nothing_is_read(film: tuple[Profiles, Any, Any]) -> None:
