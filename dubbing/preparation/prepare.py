@@ -160,16 +160,16 @@ def _track(
     shape, poses = track["shape"], Poses(turned["rotation"], turned["translation"])
     known = turned["known"] & surveyed["followed"]
     turn, front = np.where(known, angles(poses), np.nan), bundle["trusted"]
-    own = outlined(shape, poses, turn, footage)
-    mean_face = project(to_camera(own[1], own[0]), observed.focal, observed.centre)
-    shapes = LipShapes.of(detected["points"][front], own[0])
-    lengths = told_lengths(detected["points"], detected["valid"], own[0])
+    own_shape, own_poses = outlined(shape, poses, turn, footage)
+    mean_face = project(to_camera(own_poses, own_shape), observed.focal, observed.centre)
+    shapes = LipShapes.of(detected["points"][front], own_shape)
+    lengths = told_lengths(detected["points"], detected["valid"], own_shape)
     profiles = Profiles(crops, mean_face, turn, lengths, front)
     lips = steps.run("lips", partial(profiles.lips_step, info, first))["lips"]
     read = np.isfinite(lips).all(1)
     detected["valid"] |= read
     if read.any():  # where landmarks tell all lips, these lie on the face that fits landmarks
-        shape, poses = own
+        shape, poses = own_shape, own_poses
     landmarks = tracking.filled_landmarks(
         detected, front, shape, poses, observed, shapes.changes(lips)
     )
