@@ -44,9 +44,9 @@ MOUTH, INSIDE, NEAR, BELOW = (18.0, 36.0), (5.0, 24.0), (14.0, 46.0), 0.06
 # that a chin touches.
 BESIDE, CLOTHES = (14.0, 20.0), (0.0, 2.0)
 PALE = 0.05  # how much lower their share of red is than the face's
+INPAINTED = (8.0, 20.0)  # px below what lies over a face, over which its continuation fades
 HALF = 127  # of 255
 STEP = 4.0  # px of a way
-AROUND = np.ones((5, 5), np.uint8)
 
 
 @dataclass(frozen=True)
@@ -158,9 +158,9 @@ class FilmFace:
         opacity = np.where(clothes, opacity * falling(beyond, CLOTHES), opacity)
         shown = self._shown(part, opacity, own[..., 3], motion)
         if self.overlay is not None:
-            # What lies over the film's jaw does not move with it.
-            over = cv2.dilate(remapped(self.overlay, places), AROUND)
-            shown = np.maximum(shown, over / np.float32(255))
+            # What lies over the film's jaw does not move with it. Deep below it nothing is known.
+            deep = remapped(distance(self.overlay > 0), places) / unit
+            shown = np.maximum(shown, 1 - falling(deep, INPAINTED))
         shown = (shown * share[part] / 255).astype(np.float32)
         kept[part] = (1 - shown) * opacity / 255
         both = spread(kept[part]) * film + spread(shown) * own[..., :3]

@@ -121,12 +121,15 @@ def test_a_jaw_that_does_not_move_is_the_films_to_the_bit() -> None:
 
 
 def test_what_lies_over_the_jaw_does_not_move_with_it() -> None:
+    """Behind its edge the film's skin goes on, as it was inpainted; deep below nothing is known."""
     overlay = np.zeros((S, S), np.uint8)
-    overlay[END - 30 : END - 14, MIDDLE - 30 : MIDDLE + 30] = 255
-    made = moved((0, 10), disc(END - MIDDLE + 10), overlay=overlay)
+    overlay[END - 70 : END - 10, MIDDLE - 60 : MIDDLE + 60] = 255
+    made = moved((0, 30), disc(END - MIDDLE + 30), overlay=overlay)
     assert not made.share[overlay == 255].any()
-    below = made.head[END - 12 : END - 6, MIDDLE, :3]  # where its pixels would come to lie
-    assert (below == LEARNED).all()
+    # Where its pixels would come to lie.
+    assert (made.head[END - 10 : END, MIDDLE, :3] == LEARNED).all()
+    edge = made.head[END + 13 : END + 19, MIDDLE, :3]
+    np.testing.assert_array_equal(edge, IMAGE[END - 17 : END - 11, MIDDLE])
 
 
 def test_what_a_matte_holds_beside_the_face_stays_where_it_is() -> None:
