@@ -43,7 +43,7 @@ MOUTH, INSIDE, NEAR, BELOW = (18.0, 36.0), (5.0, 24.0), (14.0, 46.0), 0.06
 # Px beyond face and learned head where a matte holds something else, and where it holds clothes
 # that a chin touches.
 BESIDE, CLOTHES = (14.0, 20.0), (0.0, 2.0)
-PALE = 0.05  # how much lower their share of red is than the face's
+PALE, SOFT = 0.05, 0.8  # how much lower their share of red is than the face's; px of their edge
 INPAINTED = (8.0, 20.0)  # px below what lies over a face, over which its continuation fades
 HALF = 127  # of 255
 STEP = 4.0  # px of a way
@@ -154,8 +154,9 @@ class FilmFace:
         new = learned | (remapped(face, places) > HALF)
         beyond = distance(~new) / unit
         opacity = remapped(self.matte, places) * falling(beyond, BESIDE)
-        clothes = of_another_red(film, (face > HALF) & learned)
-        opacity = np.where(clothes, opacity * falling(beyond, CLOTHES), opacity)
+        clothes = of_another_red(film, (face > HALF) & learned).astype(np.float32)
+        clothes = cv2.GaussianBlur(clothes, (0, 0), max(SOFT, unit))
+        opacity = opacity * (1 - clothes * (1 - falling(beyond, CLOTHES)))
         shown = self._shown(part, opacity, own[..., 3], motion)
         if self.overlay is not None:
             # What lies over the film's jaw does not move with it. Deep below it nothing is known.
