@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dubbing.compositing.face_mask import from_lips, near_mouth
+from dubbing.compositing.face_mask import DOWNWARDS, FAR_FROM_MOUTH, NEAR_MOUTH, from_lips
 from dubbing.face.mesh_points import (
     CHIN,
     FOREHEAD_TOP,
@@ -19,6 +19,7 @@ DEEP = 0.6  # from the tip of the nose to the ears, in heights of the face
 RISE, TURNED = (12.0, 24.0), (0.34, 0.5)
 # Heights above the middle of the lips, of the face's, between which the jaw's motion fades out.
 STILL, MOVING = 0.02, -0.08
+HINGED = 0.15  # of them beside the mouth from which it fades: a jaw hinges at the ears
 
 
 def opening_way(landmarks: np.ndarray) -> np.ndarray:
@@ -45,8 +46,12 @@ def touching(motion: np.ndarray, landmarks: np.ndarray, size: int) -> float:
 
 def moving_share(landmarks: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Share of the jaw's motion at places, px: 1 at the chin, 0 above the lips and far from it."""
-    low = np.clip((STILL - from_lips(landmarks, x, y)[0]) / (STILL - MOVING), 0, 1)
-    near = near_mouth(landmarks, x, y)
+    above, beside = from_lips(landmarks, x, y)
+    low = np.clip((STILL - above) / (STILL - MOVING), 0, 1)
+    down = np.abs(above / DOWNWARDS)
+    away = np.hypot(beside, down)
+    fades = HINGED + (NEAR_MOUTH - HINGED) * down / np.maximum(away, 1e-6)
+    near = np.clip((FAR_FROM_MOUTH - away) / (FAR_FROM_MOUTH - fades), 0, 1)
     share: np.ndarray = smooth(low) * smooth(near)
     return share
 
