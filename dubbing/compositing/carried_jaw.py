@@ -154,8 +154,8 @@ class FilmFace:
         new = learned | (remapped(face, places) > HALF)
         beyond = distance(~new) / unit
         opacity = remapped(self.matte, places) * falling(beyond, BESIDE)
-        clothes = of_another_red(film, (face > HALF) & learned & (moving > 0)).astype(np.float32)
-        clothes = cv2.GaussianBlur(clothes, (0, 0), max(SOFT, unit))
+        pale = of_another_red(film, (face > HALF) & learned & (moving > 0)).astype(np.float32)
+        clothes = cv2.GaussianBlur(pale, (0, 0), max(SOFT, unit))
         opacity = opacity * (1 - clothes * (1 - falling(beyond, CLOTHES)))
         shown = self._shown(part, opacity, own[..., 3], motion)
         if self.overlay is not None:

@@ -130,12 +130,7 @@ def round_mouth(landmarks: np.ndarray, size: int) -> Part:
 def mouth_share(landmarks: np.ndarray, part: Part) -> np.ndarray:
     """1 (H, W) round the mouth and the chin, 0 far from them, in rows and columns of an image."""
     y, x = (np.arange(i.start, i.stop) for i in part)
-    return near_mouth(landmarks, x, y[:, None])
-
-
-def near_mouth(landmarks: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """`mouth_share` of places, px."""
-    above, beside = from_lips(landmarks, x, y)
+    above, beside = from_lips(landmarks, x, y[:, None])
     away = np.hypot(beside, np.where(above < 0, above / DOWNWARDS, above))
     return np.clip((FAR_FROM_MOUTH - away) / (FAR_FROM_MOUTH - NEAR_MOUTH), 0, 1)
 
