@@ -28,6 +28,7 @@ class Estimate:
             stages that need one another.
         disk: bytes of the results.
         memory: bytes of the process that needs most.
+        elsewhere: whether the time of a stage is what it took on another machine.
     """
 
     seconds: float
@@ -35,6 +36,7 @@ class Estimate:
     longest: float
     disk: float
     memory: float
+    elsewhere: bool = False
 
 
 def measured(graph: Mapping[StageId, Node]) -> dict[str, Rate]:
@@ -90,11 +92,12 @@ def estimate(jobs: Jobs, rows: list[Row], known: Mapping[str, Rate]) -> Estimate
     """
     wanted, graph = to_do(rows), nodes(jobs, split=lambda stage: True)
     rates = {**known, **measured(nodes(jobs))}
-    seconds, disk, memory = {}, 0.0, 0.0
+    seconds, disk, memory, elsewhere = {}, 0.0, 0.0, False
     for name, stage in ((name, node.stage) for name, node in graph.items()):
         if name.whole in wanted and not stage.parts():  # its parts take the time of a stage
             rate, many = _rate(stage, rates), stage.amount()
             seconds[name], disk = rate.seconds * many, disk + rate.bytes * many
             memory = max(memory, stage.memory())
+            elsewhere |= stage.rate_kind() not in rates
     two, longest = simulate(graph, seconds, 2), longest_chain(graph, seconds)
-    return Estimate(sum(seconds.values()), two, longest, disk, memory)
+    return Estimate(sum(seconds.values()), two, longest, disk, memory, elsewhere)

@@ -1,6 +1,7 @@
 """What the commands print fits on a terminal."""
 
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -57,6 +58,15 @@ def test_markup_and_controls_in_names_are_shown_as_they_are(
     shown = capsys.readouterr().out
     assert "\x1b[31m" not in shown
     assert shown.count(SHOWN) == 14
+
+
+def test_times_of_another_machine_are_said_to_be_that(capsys: pytest.CaptureFixture[str]) -> None:
+    job = Job("dub", "it", Path())
+    row = Row(job, job.add(Listen()), "run", ())
+    for elsewhere in (True, False):
+        needed = replace(NOTHING, seconds=40.0, elsewhere=elsewhere)
+        console.plan([row], [], needed, {}, as_json=False)
+        assert ("another machine" in capsys.readouterr().out) == elsewhere
 
 
 def test_markup_and_controls_in_what_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:

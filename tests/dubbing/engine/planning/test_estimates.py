@@ -169,6 +169,14 @@ def test_needs_of_a_run(tmp_path: Path, parts: tuple[str, ...]) -> None:
     )
 
 
+def test_a_time_that_nobody_measured_here_is_said_to_be_elsewheres(tmp_path: Path) -> None:
+    path = write_manifest(tmp_path, ["ann"], {"it": "ann"})
+    jobs = jobs_of(path)
+    some = dict.fromkeys(set(KINDS) - {"render"}, Rate(1.0, 10.0))
+    assert estimates.estimate(jobs, planner.rows(jobs), some).elsewhere
+    assert not needed(path).elsewhere
+
+
 def test_what_is_done_needs_nothing_and_one_process_the_most_of_what_is_left(
     tmp_path: Path,
 ) -> None:
