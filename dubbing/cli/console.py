@@ -145,7 +145,7 @@ def _needed(needed: Estimate) -> None:
             f"no less than {duration(needed.longest)} on any number of machines"
         )
     if needed.seconds and needed.elsewhere:
-        out.print("times of another machine are among these: dfrf doctor --calibrate measures this")
+        out.print("some are times of another machine: dfrf doctor --calibrate measures this one's")
     out.print(
         f"about {needed.disk / 1e9:.1f} GB on the disk, {needed.memory / 1e9:.1f} GB of memory "
         "for each process"

@@ -100,11 +100,15 @@ def in_face(hand: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
 def lies_over(hand: np.ndarray, compared: Compared, landmarks: np.ndarray) -> bool:
     """Whether a hand with points (21, 3) px lies over the lower face, or touches it.
 
-    What the head explains there is no hand.
+    What the head explains there is no hand. Nor is one whose wrist lies on the face: a mouth that
+    is wide open looks like a fist.
 
     Args:
         landmarks: (478, 2) px of the face.
     """
+    outline = cv2.convexHull(landmarks.astype(np.float32))
+    if cv2.pointPolygonTest(outline, hand[WRIST, :2].astype(float).tolist(), False) > 0:
+        return False
     there = in_face(hand, landmarks)
     seen = there & compared.known
     if seen.any():

@@ -18,7 +18,7 @@ from dubbing.preparation.file_names import SUMMARY
 from dubbing.preparation.prepared import VERSION
 from dubbing.preparation.tracking.tracking import Arrays
 
-STEPS, LAYOUT = "steps", 7  # the folder of the steps, and the version of its files
+STEPS, LAYOUT = "steps", 8  # the folder of the steps, and the version of its files
 # Shares of the steps in the time of a preparation, 13 s at 512 px.
 TIMES = {
     "faces": 0.04,

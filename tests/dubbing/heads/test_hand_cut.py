@@ -87,6 +87,9 @@ def test_a_hand_counts_where_the_head_does_not_explain_it(hands: list[np.ndarray
     assert lies_over(hand, seen, landmarks)
     assert not lies_over(hand, replace(seen, apart=np.zeros_like(apart)), landmarks)
     assert not lies_over(hand + np.array([0, 2 * SIZE, 0]), seen, landmarks)
+    # A mouth that is wide open looks like a fist: its wrist would lie on the face.
+    fist = 0.3 * (hand - hand[9]) + [*landmarks[13], 0]
+    assert not lies_over(fist, seen, landmarks)
 
 
 @pytest.mark.parametrize(("shown", "dropped"), [([10], range(6, 15)), ([], []), ([0, 10, 20], [])])
