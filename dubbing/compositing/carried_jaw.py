@@ -19,6 +19,7 @@ from scipy.ndimage import gaussian_filter1d
 from dubbing.compositing.face_mask import (
     from_lips,
     jaw_share,
+    pixels_of,
     round_mouth,
     skull_share,
 )
@@ -36,6 +37,7 @@ FEWEST = 12  # rays that must meet a jaw
 EVEN = 1.5  # rays over which an outline's direction is smoothed
 OBLIQUE = 0.2  # cosine between a ray and an outline's normal: the least that counts
 TOLD = 0.05  # of the jaw's motion: points that move less tell nothing of it
+STILL = 5.0  # px of an outline across its way that say as much as that a jaw stays where it is
 LIPS = (8.0, 20.0)  # px from the lips between which the outline begins to be the jaw's
 # The learned head is shown in full near the lips and away from the outline, px; below the middle of
 # the lips, from this share of the face's height on, near them alone.
@@ -121,11 +123,13 @@ class FilmFace:
         parts = share[told] * (across @ way)
         parts = np.where(np.abs(parts) < TOLD, np.copysign(TOLD, parts), parts)
         weight = length * np.clip((lips[told] - LIPS[0]) / (LIPS[1] - LIPS[0]), 0, 1)
-        # The least sum of distances, which a weighted median of what each ray says gives.
-        order = np.argsort(wanted / parts)
-        sums = (weight * np.abs(parts))[order].cumsum()
-        middle = order[np.searchsorted(sums, sums[-1] / 2)]
-        return np.asarray(wanted[middle] / parts[middle] * way)
+        # The least sum of distances, which a weighted median of what each ray says gives. Of an
+        # outline along the way rays say anything: then the jaw stays.
+        said = np.append(wanted / parts, 0.0)
+        weights = np.append(weight * np.abs(parts), STILL * unit)
+        order = np.argsort(said)
+        sums = weights[order].cumsum()
+        return np.asarray(said[order[np.searchsorted(sums, sums[-1] / 2)]] * way)
 
     def carried(
         self, head: np.ndarray, share: np.ndarray, motion: np.ndarray, held: np.ndarray
@@ -143,11 +147,11 @@ class FilmFace:
         part = round_mouth(landmarks, size)
         if not self.matte[part].size:  # the mouth is outside of the picture
             return CarriedHead(out, changed, kept)
-        y, x = (np.arange(i.start, i.stop, dtype=np.float32) for i in part)
-        moving = moving_share(landmarks, x, y[:, None]) * (1 - held[part[1]])
+        x, y = pixels_of(part)
+        moving = moving_share(landmarks, x, y) * (1 - held[part[1]])
         moving = moving.astype(np.float32)
         across, down = motion.astype(np.float32)
-        places = x - across * moving, y[:, None] - down * moving
+        places = x - across * moving, y - down * moving
         film = remapped(self.image, places, cv2.INTER_CUBIC)
         own, face = head[part], self.contour.region[part]
         learned = own[..., 3] > HALF
@@ -184,13 +188,12 @@ class FilmFace:
             opacity, learned: (H, W) 0..255, of the film's head, moved, and of the learned one.
         """
         size, unit, landmarks = len(self.image), self.unit, self.landmarks
-        y, x = (np.arange(i.start, i.stop, dtype=np.float32) for i in part)
         lips = distance(~swept(lip_region(landmarks, size)[part], motion)) / unit
         depth = np.minimum(*(distance(a > HALF) for a in (opacity, learned))) / unit
-        below = np.clip(-from_lips(landmarks, x, y[:, None])[0] / BELOW, 0, 1)
+        below = np.clip(-from_lips(landmarks, *pixels_of(part))[0] / BELOW, 0, 1)
         inside = np.minimum(1 - falling(depth, INSIDE), 1 - below * (1 - falling(lips, NEAR)))
         # The outline of the nose, and of what is above the lips, is the film's.
-        speaking = 1 - skull_share(landmarks, size)[part]
+        speaking = 1 - skull_share(landmarks, part)
         # Where a learned profile is dented beside the lips, there is the film's skin.
         solid = np.maximum(learned / np.float32(255), falling(lips, LIPS))
         shown: np.ndarray = np.maximum(inside, speaking * solid * falling(lips, MOUTH))

@@ -14,16 +14,12 @@ from dubbing.compositing.light import follow_light
 from dubbing.compositing.neck import Neck, with_neck
 from dubbing.compositing.skin_detail import with_detail_of
 from dubbing.face.face_contour import face_contour
-from dubbing.preparation.background.pixels import extent, rounded, spread
+from dubbing.preparation.background.pixels import extent
 from dubbing.preparation.film_frame import FilmFrame
 from dubbing.preparation.matting.matting import REFERENCE_SIZE
 
-OPEN_JAW_PX = 30  # beyond the inpaint mask where an open jaw may lie; it fades over as much again
 INPAINT = 3  # px round letters from which the neck behind them is inpainted
-HALF, OPAQUE = 128, 250  # of 255
-# A learned head's edge is wider than a film's: opacities are CRISP times as far from the middle.
-CRISP = 1.6
-HAZE = HALF - HALF / CRISP  # opacity up to which there is no head
+HAZE, HALF, OPAQUE = 16, 128, 250  # of 255; a head with less than the first is haze
 FEATHER = 6  # px, inside the edge; less than the inpaint mask is wider than the old head
 
 
@@ -43,8 +39,7 @@ def replacement(film: FilmFrame, head: np.ndarray) -> tuple[np.ndarray, np.ndarr
     size = len(image)
     bare = np.ones((size, size), bool) if film.overlay is None else film.overlay == 0
     contour = face_contour(landmarks, size)
-    clean = without_haze(head, film.restored)
-    lit = follow_light(image, film.matte, clean, landmarks, film.haze, film.overlay)
+    lit = follow_light(image, film.matte, head, landmarks, film.haze, film.overlay)
     if film.overlay is not None:
         image = cv2.inpaint(image, film.overlay, INPAINT, cv2.INPAINT_TELEA)
     share = face_mask(landmarks, contour)
@@ -71,7 +66,7 @@ def composite(
     Args:
         background: (S, S, 3) uint8, equal to the source outside of the inpaint mask.
         restored: (S, S) bool, the inpaint mask: where the background is restored.
-        head: (S, S, 4) uint8, colour premultiplied by opacity, and opacity; see `without_haze`.
+        head: (S, S, 4) uint8, colour premultiplied by opacity, and opacity.
         share: (S, S) uint8, share of each pixel that may be replaced; see `face_mask`.
 
     Returns:
@@ -81,7 +76,7 @@ def composite(
     """
     scale = len(background) / REFERENCE_SIZE
     opacity = head[..., 3]
-    inside = restored | (opacity > 0)
+    inside = restored | (opacity > HAZE)
     mask = np.minimum(feathered(inside, max(1.0, FEATHER * scale)), share)
     out = background.copy()
     rows, columns = extent(share > 0)
@@ -99,27 +94,6 @@ def blend(image: np.ndarray, over: np.ndarray, mask: np.ndarray) -> np.ndarray:
     share = mask[rows, columns, None].astype(np.float32) / 255
     below = image[rows, columns].astype(np.float32)
     out[rows, columns] = (below + share * (over[rows, columns] - below)).round()
-    return out
-
-
-def without_haze(head: np.ndarray, restored: np.ndarray) -> np.ndarray:
-    """A head (S, S, 4) without haze, and without floaters far from its place.
-
-    Args:
-        restored: (S, S) bool, the inpaint mask: from `OPEN_JAW_PX` beyond it opacity fades.
-    """
-    reach = OPEN_JAW_PX * len(head) / REFERENCE_SIZE
-    away = cv2.distanceTransform((~restored).astype(np.uint8), cv2.DIST_L2, 3)
-    if not restored.any():
-        away = np.zeros_like(away)
-    out = np.zeros_like(head)
-    part = extent(head[..., 3] > HAZE)
-    if not out[part].size:
-        return out
-    alpha = np.maximum(head[part][..., 3], np.float32(1))
-    crisp = np.clip(HALF + CRISP * (alpha - HALF), 0, 255) / alpha
-    keep = np.clip(2 - away[part] / max(reach, 1.0), 0, 1) * crisp
-    out[part] = rounded(head[part] * spread(keep, 4))
     return out
 
 

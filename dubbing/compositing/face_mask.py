@@ -55,15 +55,16 @@ def face_mask(landmarks: np.ndarray, contour: FaceContour) -> np.ndarray:
     size = len(contour.region)
     unit = size / REFERENCE_SIZE
     part = round_mouth(landmarks, size)
-    lower = lower_share(landmarks, size)[part]
+    lower = lower_share(landmarks, part)
     wide, own = around(part, math.ceil(INSIDE * unit) + 1, size)
     face = contour.region[wide]
     outside, inside = (
         cv2.distanceTransform(side, cv2.DIST_L2, 5)[own] for side in (255 - face, face)
     )
     near = np.clip((OUTSIDE * unit - outside + inside) / ((OUTSIDE + INSIDE) * unit), 0, 1)
-    y, x = (np.arange(size)[i] - k for i, k in zip(part, contour.middle[::-1], strict=True))
-    share = np.maximum(near, jaw_share(contour, np.arctan2(y[:, None], x)))
+    x, y = pixels_of(part)
+    angles = np.arctan2(y - contour.middle[1], x - contour.middle[0])
+    share = np.maximum(near, jaw_share(contour, angles))
     mask = np.zeros((size, size), np.uint8)
     mask[part] = (share * mouth_share(landmarks, part) * lower * 255).round()
     return mask
@@ -83,21 +84,19 @@ def rendered_region(landmarks: np.ndarray, size: int) -> np.ndarray:
     return out
 
 
-def lower_share(landmarks: np.ndarray, size: int) -> np.ndarray:
-    """0 (S, S) above the cheeks, 1 below them, linear in between."""
-    return np.clip((way_down(landmarks, size) - ABOVE) / (BELOW - ABOVE), 0, 1)
+def lower_share(landmarks: np.ndarray, part: Part) -> np.ndarray:
+    """0 above the cheeks, 1 below them, linear in between; (H, W) in rows and columns `part`."""
+    return np.clip((way_down(landmarks, *pixels_of(part)) - ABOVE) / (BELOW - ABOVE), 0, 1)
 
 
-def skull_share(landmarks: np.ndarray, size: int) -> np.ndarray:
-    """1 (S, S) above the base of the nose, where no word moves the outline, 0 from the lips on."""
-    way = way_down(landmarks, size)
-    x, y = np.clip(landmarks[UPPER_LIP_TOP].round().astype(int), 0, size - 1)
-    lips = max(float(way[y, x]), 1 + SHORTEST)
-    return np.clip((lips - way) / (lips - 1), 0, 1)
+def skull_share(landmarks: np.ndarray, part: Part) -> np.ndarray:
+    """1 above the base of the nose, where no word moves the outline, 0 from the lips on; (H, W)."""
+    lips = max(float(way_down(landmarks, *landmarks[UPPER_LIP_TOP].round())), 1 + SHORTEST)
+    return np.clip((lips - way_down(landmarks, *pixels_of(part))) / (lips - 1), 0, 1)
 
 
-def way_down(landmarks: np.ndarray, size: int) -> np.ndarray:
-    """Height of each pixel (S, S): 0 on the line through the eyes, 1 at the base of the nose."""
+def way_down(landmarks: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Height of places, px: 0 on the line through the eyes, 1 at the base of the nose."""
     left, right = landmarks[LEFT_EYE_OUTER], landmarks[RIGHT_EYE_OUTER]
     apart = max(float(np.linalg.norm(right - left)), 1.0)
     along = landmarks[CHIN] - landmarks[FOREHEAD_TOP]
@@ -110,8 +109,7 @@ def way_down(landmarks: np.ndarray, size: int) -> np.ndarray:
     down /= max(float(np.linalg.norm(down)), 1e-6)
     eyes = (left + right) / 2
     nose = max(float((landmarks[NOSE_BASE] - eyes) @ down), SHORTEST * apart)
-    x, y = (np.arange(size) - place for place in eyes)
-    way: np.ndarray = (x * down[0] + y[:, None] * down[1]) / nose
+    way: np.ndarray = ((x - eyes[0]) * down[0] + (y - eyes[1]) * down[1]) / nose
     return way
 
 
@@ -127,10 +125,15 @@ def round_mouth(landmarks: np.ndarray, size: int) -> Part:
     return rows, columns
 
 
+def pixels_of(part: Part) -> tuple[np.ndarray, np.ndarray]:
+    """Columns (W,) and rows (H, 1) of a part of an image, px."""
+    rows, columns = (np.arange(i.start, i.stop, dtype=np.float32) for i in part)
+    return columns, rows[:, None]
+
+
 def mouth_share(landmarks: np.ndarray, part: Part) -> np.ndarray:
     """1 (H, W) round the mouth and the chin, 0 far from them, in rows and columns of an image."""
-    y, x = (np.arange(i.start, i.stop) for i in part)
-    above, beside = from_lips(landmarks, x, y[:, None])
+    above, beside = from_lips(landmarks, *pixels_of(part))
     away = np.hypot(beside, np.where(above < 0, above / DOWNWARDS, above))
     return np.clip((FAR_FROM_MOUTH - away) / (FAR_FROM_MOUTH - NEAR_MOUTH), 0, 1)
 

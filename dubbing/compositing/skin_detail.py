@@ -59,7 +59,7 @@ def with_detail_of(
         return np.asarray(cv2.remap(values, *there, cv2.INTER_LINEAR))
 
     apart = np.abs(cv2.GaussianBlur(seen(film) - over, (0, 0), FINE * unit))
-    lips = lip_share(landmarks, len(image), unit)[part]
+    lips = lip_share(lip_region(landmarks, len(image))[part], unit)
     within = np.ones((2 * round(INSIDE * unit) + 1,) * 2, np.uint8)
     inside = cv2.erode(shown[part].astype(np.uint8), within).astype(np.float32)
     same = (opacity >= OPAQUE) & (seen(inside) > 0.99)
@@ -94,7 +94,7 @@ def motion(new: np.ndarray, old: np.ndarray, unit: float) -> tuple[np.ndarray, n
     return (x + flow[..., 0]).astype(np.float32), (y + flow[..., 1]).astype(np.float32)
 
 
-def lip_share(landmarks: np.ndarray, size: int, unit: float) -> np.ndarray:
-    """Mask (size, size) float32 of the film's lips: 1 on them, 0 away from them."""
-    wide = dilate(lip_region(landmarks, size), LIPS * unit).astype(np.float32)
+def lip_share(lips: np.ndarray, unit: float) -> np.ndarray:
+    """Mask (H, W) float32 of the film's lips (H, W) bool: 1 on them, 0 away from them."""
+    wide = dilate(lips, LIPS * unit).astype(np.float32)
     return np.asarray(cv2.GaussianBlur(wide, (0, 0), FADE * unit))

@@ -95,7 +95,7 @@ def compare(
     points = landmarks @ turn[:, :2].T + turn[:, 2]
     side = max(W, H)
     face = face_region(points, side)[:H, :W] > 0
-    lower = lower_share(points, side)[:H, :W] > 0
+    lower = lower_share(points, (slice(0, H), slice(0, W))) > 0
     lips = dilate(lip_region(points, side)[:H, :W], LIPS * EYES)
     solid = (alpha > OPAQUE) & face
     ratio = np.log(picture + DARK) - np.log(np.clip(head, 0, 255) + DARK)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from dubbing.compositing import carried_jaw
 from dubbing.compositing.carried_jaw import CarriedHead, FilmFace
 from dubbing.compositing.jaw_line import ANGLES
 from dubbing.compositing.jaw_opening import moving_share, touching
@@ -73,6 +74,14 @@ def test_a_dent_in_a_learned_chin_moves_nothing() -> None:
     dented = disc()
     dented[END - 25 :, MIDDLE - 20 : MIDDLE + 10] = 0
     np.testing.assert_allclose(motion_to(dented), 0, atol=0.5)
+
+
+def test_an_outline_along_which_a_jaw_opens_moves_it_nowhere(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Its sides say opposite things, each of them many px."""
+    monkeypatch.setattr(carried_jaw, "opening_way", lambda _: np.array([1.0, 0.0]))
+    np.testing.assert_allclose(motion_to(disc(END - MIDDLE + 6)), 0, atol=0.5)
 
 
 def test_a_jaw_that_is_covered_stays() -> None:

@@ -16,6 +16,7 @@ from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_OUTER, NOSE_BASE, RIGHT
 from dubbing.face.mouth.mouth_shape import OUTER_LIP
 
 S = 256
+WHOLE = slice(0, S), slice(0, S)
 
 
 EYES, NOSE, MOUTH = -25, 0, 22  # px below the middle of the face
@@ -83,10 +84,10 @@ def test_both_sides_are_treated_alike() -> None:
     share = mask_of(landmarks(), S)[:, 1:].astype(int)  # column 128 is the middle
     assert np.abs(share - share[:, ::-1]).mean() < 0.5  # the outline is drawn to a pixel or so
     points = landmarks(12)
-    seen = lower_share(points, S)
+    seen = lower_share(points, WHOLE)
     points[:, 0] = S - 1 - points[:, 0]
     points[[LEFT_EYE_OUTER, RIGHT_EYE_OUTER]] = points[[RIGHT_EYE_OUTER, LEFT_EYE_OUTER]]
-    np.testing.assert_allclose(lower_share(points, S)[:, ::-1], seen, atol=1e-9)
+    np.testing.assert_allclose(lower_share(points, WHOLE)[:, ::-1], seen, atol=1e-9)
 
 
 def test_a_profile_has_its_mouth_below_its_eyes() -> None:
@@ -95,7 +96,7 @@ def test_a_profile_has_its_mouth_below_its_eyes() -> None:
     both = []
     for order in (1, -1):
         points[[LEFT_EYE_OUTER, RIGHT_EYE_OUTER][::order]] = (126, 128 + EYES), (129, 131 + EYES)
-        share = lower_share(points, S)
+        share = lower_share(points, WHOLE)
         assert share[128 + MOUTH].min() > 0.9
         assert share[128 + EYES].max() < 0.2
         both.append(share)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from dubbing.compositing.skin_detail import lip_share, with_detail_of
+from dubbing.face.mouth.lip_region import lip_region
 from tests import fakes
 
 S = 320
@@ -62,7 +63,7 @@ def test_the_films_detail_goes_with_the_jaw(down: int) -> None:
 def test_lips_say_other_words_and_stay() -> None:
     film = skin()
     head = as_head(cv2.GaussianBlur(film, (0, 0), BLUR))
-    lips = lip_share(fakes.face(S), S, S / 512) > 0.999
+    lips = lip_share(lip_region(fakes.face(S), S), S / 512) > 0.999
     assert lips.sum() > 500
     np.testing.assert_array_equal(dubbed(film, head)[lips], head[lips])
 
