@@ -114,7 +114,8 @@ def followed(compared: list[Compared], seeds: list[np.ndarray]) -> list[np.ndarr
             near = over if over.any() else None
             if near is None:
                 models = None
-    return with_those_around([whole(m) | s for m, s in zip(found, seeds, strict=True)], compared)
+    parts = zip(found, seeds, compared, strict=True)
+    return with_those_around([whole(m, of.lips) | s for m, s, of in parts], compared)
 
 
 def with_those_around(found: list[np.ndarray], compared: list[Compared]) -> list[np.ndarray]:
@@ -132,14 +133,15 @@ def with_those_around(found: list[np.ndarray], compared: list[Compared]) -> list
     ]
 
 
-def whole(mask: np.ndarray) -> np.ndarray:
-    """A mask (H, W) bool without thin strips and without small bites in its edge."""
+def whole(mask: np.ndarray, lips: np.ndarray) -> np.ndarray:
+    """A mask (H, W) bool without thin strips and, beside lips (H, W) bool, bites in its edge."""
     strip, bite = (
         cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1,) * 2)
         for reach in (STRIP, BITE)
     )
     solid = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, strip)
-    return np.asarray(cv2.morphologyEx(solid, cv2.MORPH_CLOSE, bite) > 0)
+    closed = cv2.morphologyEx(solid, cv2.MORPH_CLOSE, bite)
+    return np.where(lips, solid, closed) > 0
 
 
 def without_dents(piece: np.ndarray, compared: Compared) -> np.ndarray:

@@ -14,6 +14,7 @@ from dubbing.heads.cover_cut import (
     mask_of,
     steady,
     unexplained,
+    whole,
 )
 from dubbing.heads.covers import MOST_USUAL, lasting, runs_of, told_apart
 from tests import fakes
@@ -101,6 +102,13 @@ def test_a_shine_bites_nothing_off_a_thing() -> None:
         c.apart[56:60, 37:39] = 0
     found = followed(compared, steady([unexplained(c, USUAL) for c in compared]))
     assert found[2][57:59, 38:39].all()
+
+
+@pytest.mark.parametrize("on_lips", [True, False])
+def test_a_gap_between_a_thing_and_lips_is_no_bite(on_lips: bool) -> None:
+    thing, lips = np.zeros((2, H, W), bool)
+    thing[40:60, 30:50], thing[48:52, 30:34], lips[40:60, 30:50] = True, False, on_lips
+    assert whole(thing, lips)[49:51, 32:34].any() != on_lips
 
 
 def test_what_flashes_up_is_chance() -> None:
