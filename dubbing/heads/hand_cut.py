@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from dubbing.face.finding.hand_finder import WRIST, HandFinder
-from dubbing.heads.comparison import Compared, H, W, images, to_face
+from dubbing.heads.comparison import EYES, Compared, H, W, images, to_face
 from dubbing.heads.cover_cut import APART, ROUNDS, on_edges
 from dubbing.identity.clip_frames import ClipFrames
 from dubbing.preparation.matting.matting import dilate
@@ -29,6 +29,7 @@ FRACTION = 16  # of a pixel, as OpenCV draws
 BELOW = 12  # px of the frame of the face round the lower face, where a chin may be new
 DIFFERS = 0.25  # of a hand over it that the head does not explain
 EVERY = 5  # frames from one that is searched for hands before anything is learned to the next
+WRIST_AWAY = 0.1  # eye distances from the face to the wrist of a hand before it, at least
 OVER = 0.05  # of the frame of the face: less of a hand is beside the lower face
 LEFT = 0.5  # of the frames, at least, must show no hand, or all are taken
 
@@ -100,14 +101,15 @@ def in_face(hand: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
 def lies_over(hand: np.ndarray, compared: Compared, landmarks: np.ndarray) -> bool:
     """Whether a hand with points (21, 3) px lies over the lower face, or touches it.
 
-    What the head explains there is no hand. Nor is one whose wrist lies on the face: a mouth that
-    is wide open looks like a fist.
+    What the head explains there is no hand. Nor is one whose wrist lies on the face, or next to
+    it: a mouth that is wide open looks like a fist.
 
     Args:
         landmarks: (478, 2) px of the face.
     """
     outline = cv2.convexHull(landmarks.astype(np.float32))
-    if cv2.pointPolygonTest(outline, hand[WRIST, :2].astype(float).tolist(), False) > 0:
+    inside = cv2.pointPolygonTest(outline, hand[WRIST, :2].astype(float).tolist(), True)
+    if inside * np.hypot(*to_face(landmarks)[0, :2]) > -WRIST_AWAY * EYES:
         return False
     there = in_face(hand, landmarks)
     seen = there & compared.known
