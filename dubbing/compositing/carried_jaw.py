@@ -24,7 +24,7 @@ from dubbing.compositing.face_mask import (
     skull_share,
 )
 from dubbing.compositing.jaw_line import ANGLES, radii
-from dubbing.compositing.jaw_opening import falling, moving_share, opening_way
+from dubbing.compositing.jaw_opening import comes_off, falling, moving_share, opening_way
 from dubbing.face.face_contour import FaceContour
 from dubbing.face.mouth.lip_region import lip_region
 from dubbing.face.mouth.mouth_shape import OUTER_LIP
@@ -45,6 +45,7 @@ MOUTH, INSIDE, NEAR, BELOW = (18.0, 36.0), (5.0, 24.0), (14.0, 46.0), 0.06
 # Px beyond face and learned head where a matte holds something else, and where it holds clothes
 # that a chin touches.
 BESIDE, CLOTHES = (14.0, 20.0), (0.0, 2.0)
+RIM = (3.0, 6.0)  # px inside a matte's edge up to which it may hold clothes by error
 PALE, SOFT = 0.05, 0.8  # how much lower their share of red is than the face's; px of their edge
 INPAINTED = (8.0, 20.0)  # px below what lies over a face, over which its continuation fades
 HALF = 127  # of 255
@@ -160,7 +161,8 @@ class FilmFace:
         opacity = remapped(self.matte, places) * falling(beyond, BESIDE)
         pale = of_another_red(film, (face > HALF) & learned & (moving > 0)).astype(np.float32)
         clothes = cv2.GaussianBlur(pale, (0, 0), max(SOFT, unit))
-        opacity = opacity * (1 - clothes * (1 - falling(beyond, CLOTHES)))
+        rim = comes_off(landmarks) * falling(distance(opacity > HALF) / unit, RIM)
+        opacity = opacity * (1 - clothes * np.maximum(rim, 1 - falling(beyond, CLOTHES)))
         shown = self._shown(part, opacity, own[..., 3], motion)
         if self.overlay is not None:
             # What lies over the film's jaw does not move with it. Deep below it nothing is known.

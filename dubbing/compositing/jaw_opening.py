@@ -24,10 +24,9 @@ HINGED = 0.15  # of them beside the mouth from which it fades: a jaw hinges at t
 
 def opening_way(landmarks: np.ndarray) -> np.ndarray:
     """The way that a chin moves when a jaw opens, (2,): down, and back where that can be seen."""
-    down = landmarks[CHIN] - landmarks[FOREHEAD_TOP]
-    height = max(float(np.hypot(*down)), 1.0)
+    height = max(float(np.linalg.norm(landmarks[CHIN] - landmarks[FOREHEAD_TOP])), 1.0)
     back = landmarks[[LEFT_EAR, RIGHT_EAR]].mean(0) - landmarks[NOSE_TIP]
-    return np.asarray((down + JAW_BACK * back / DEEP) / height)
+    return np.asarray(down(landmarks) + JAW_BACK * back / DEEP / height)
 
 
 def touching(motion: np.ndarray, landmarks: np.ndarray, size: int) -> float:
@@ -36,12 +35,20 @@ def touching(motion: np.ndarray, landmarks: np.ndarray, size: int) -> float:
     Nobody has seen what a chin that rises a little uncovers there. It is skin, so skin stretches.
     Behind a head that turns there is a wall, too, which other frames show.
     """
-    way = opening_way(landmarks)
-    down = landmarks[CHIN] - landmarks[FOREHEAD_TOP]
-    down = down / max(float(np.hypot(*down)), 1.0)
-    rise = -float(motion @ down) * REFERENCE_SIZE / size
-    turned = abs(float(way[0] * down[1] - way[1] * down[0]))
-    return float((rise > 0) * falling(np.array(rise), RISE) * falling(np.array(turned), TURNED))
+    rise = -float(motion @ down(landmarks)) * REFERENCE_SIZE / size
+    return float((rise > 0) * falling(np.array(rise), RISE) * (1 - comes_off(landmarks)))
+
+
+def comes_off(landmarks: np.ndarray) -> float:
+    """Share 0..1 to which a chin comes off what it touches when it rises: a turned one does."""
+    (x, y), (across, along) = opening_way(landmarks), down(landmarks)
+    return 1 - float(falling(np.abs(x * along - y * across), TURNED))
+
+
+def down(landmarks: np.ndarray) -> np.ndarray:
+    """The unit vector (2,) from the forehead to the chin, in the picture."""
+    way = landmarks[CHIN] - landmarks[FOREHEAD_TOP]
+    return np.asarray(way / max(float(np.hypot(*way)), 1.0))
 
 
 def moving_share(landmarks: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:

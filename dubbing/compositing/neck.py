@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from scipy.ndimage import gaussian_filter1d, grey_opening, median_filter
+from scipy.ndimage import gaussian_filter1d, grey_opening, median_filter, minimum_filter1d
 
 from dubbing.compositing.face_mask import jaw_share
 from dubbing.face.face_contour import FaceContour
@@ -32,6 +32,7 @@ DARK, GAP = 0.45, 0.25
 TOO_FEW, ENOUGH = 8.0, 20.0  # px of neck below the chin to stretch
 EDGE = 3.0  # px of neck that the edge of a collar shades
 NARROW = 10.0  # px: fewer columns beside one another are no neck
+SIDE = 4.0  # px from where a neck ends that its edge, or a collar's, shades
 PUSHED = 0.25  # of a neck's length: shorter it is not drawn, and in full from twice as much on
 EVEN = 12.0  # px, standard deviation: along a collar
 UNDER = 12.0  # px that the neck extends under the edge of the head
@@ -90,6 +91,7 @@ def with_neck(
     left = (low + room - high) / np.maximum(room, unit)
     share = neck.share * np.clip(left / PUSHED - 1, 0, 1) * (high > 0)
     share = grey_opening(share, max(2, round(NARROW * unit)))
+    share = gaussian_filter1d(minimum_filter1d(share, 2 * round(SIDE * unit) + 1), SIDE / 2 * unit)
     if not share.any():
         return background, np.zeros((size, size), bool)
     end, inner = low + room, high - UNDER * unit

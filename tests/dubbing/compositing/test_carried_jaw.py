@@ -167,6 +167,22 @@ def test_clothes_that_a_chin_touches_do_not_rise_with_it() -> None:
     assert opacity["skin"].min() > 200
 
 
+def test_clothes_within_a_mattes_edge_stay_below_a_chin_that_comes_off_them() -> None:
+    """The learned chin may lie below them."""
+    image = np.full((S, S, 3), (200, 150, 120), np.uint8)
+    shirt = np.s_[END - 4 : END + 40]
+    image[shirt] = (40, 60, 120)
+    turned = LANDMARKS.copy()
+    turned[NOSE_TIP] += (160, 0)
+    seen = []
+    for landmarks in (LANDMARKS, turned):
+        face = FilmFace(image, disc(), None, landmarks, CONTOUR)
+        made = face.carried(of_one_colour(disc()), ALL, np.array([0, -10.0]), FREE)
+        seen.append(made.kept[END - 12, MIDDLE - 10 : MIDDLE + 10].max())
+    assert seen[0] > 0.9
+    assert seen[1] < 0.1
+
+
 @pytest.mark.parametrize(
     ("down", "turn", "expected"),
     [(-8.0, 0.0, 1.0), (8.0, 0.0, 0.0), (-30.0, 0.0, 0.0), (-8.0, 160.0, 0.0)],

@@ -165,6 +165,17 @@ def test_columns_that_look_like_neck_alone_draw_no_stripes() -> None:
     assert (found.clothes[middle] > 0.9).all()
 
 
+def test_the_edge_of_a_neck_is_not_stretched() -> None:
+    """Its last columns hold what shades it."""
+    image, background, matte, contour = scene()
+    image[S // 2 + FILM - 8 :, S // 2 + 18 : S // 2 + 20] = (60, 45, 40)
+    image[:, S // 2 + 20 :] = background[:, S // 2 + 20 :] = WALL
+    made, _ = with_neck(image, background, Neck.of(image, matte, contour), disc(80))
+    risen = made[S // 2 + 84, S // 2 : S // 2 + 19].astype(int)
+    assert np.abs(risen[:12] - SKIN).max() < 20
+    assert risen[12:].sum(1).min() > np.sum(SKIN) / 2
+
+
 def test_a_narrow_strip_of_skin_is_no_neck() -> None:
     """As a strand of hair or the edge of a hand has its colour: a line would show up to the jaw."""
     image, background, matte, contour = scene(collar=FILM + 4)
