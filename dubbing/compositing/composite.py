@@ -9,7 +9,7 @@ import numpy as np
 from dubbing.compositing.carried_jaw import FilmFace
 from dubbing.compositing.face_mask import face_mask
 from dubbing.compositing.film_look import in_focus
-from dubbing.compositing.jaw_opening import touching
+from dubbing.compositing.jaw_opening import comes_off, touching
 from dubbing.compositing.light import follow_light
 from dubbing.compositing.neck import Neck, with_neck
 from dubbing.compositing.skin_detail import with_detail_of
@@ -53,7 +53,8 @@ def replacement(film: FilmFrame, head: np.ndarray) -> tuple[np.ndarray, np.ndarr
     neck = Neck.of(image, film.matte, contour)
     held = neck.clothes * touching(motion, landmarks, size)
     made = face.carried(lit, share, motion, held)
-    under, stretched = with_neck(image, film.background, neck, made.head[..., 3])
+    turned = comes_off(landmarks)
+    under, stretched = with_neck(image, film.background, neck, made.head[..., 3], turned)
     picture, mask = composite(under, film.restored | stretched, made.head, made.share)
     return picture, mask, (mask * (1 - made.kept)).round().astype(np.uint8)
 

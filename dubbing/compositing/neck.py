@@ -32,7 +32,7 @@ DARK, GAP = 0.45, 0.25
 TOO_FEW, ENOUGH = 8.0, 20.0  # px of neck below the chin to stretch
 EDGE = 3.0  # px of neck that the edge of a collar shades
 NARROW = 10.0  # px: fewer columns beside one another are no neck
-SIDE = 4.0  # px from where a neck ends that its edge, or a collar's, shades
+SIDE = 4.0  # px from the front of a turned neck that its edge, or a collar's, shades
 PUSHED = 0.25  # of a neck's length: shorter it is not drawn, and in full from twice as much on
 EVEN = 12.0  # px, standard deviation: along a collar
 UNDER = 12.0  # px that the neck extends under the edge of the head
@@ -70,7 +70,11 @@ class Neck:
 
 
 def with_neck(
-    image: np.ndarray, background: np.ndarray, neck: Neck, opacity: np.ndarray
+    image: np.ndarray,
+    background: np.ndarray,
+    neck: Neck,
+    opacity: np.ndarray,
+    turned: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """A background whose neck begins at the rendered chin, and the pixels that it changed.
 
@@ -80,6 +84,7 @@ def with_neck(
     Args:
         image: (S, S, 3) uint8 frame of the film. background: the same with its head removed.
         neck: of the image. opacity: (S, S) uint8 of the rendered head.
+        turned: 0..1, how far the edge of the neck may be that of its front, before a wall.
 
     Returns:
         (S, S, 3) uint8 and (S, S) bool.
@@ -91,13 +96,14 @@ def with_neck(
     left = (low + room - high) / np.maximum(room, unit)
     share = neck.share * np.clip(left / PUSHED - 1, 0, 1) * (high > 0)
     share = grey_opening(share, max(2, round(NARROW * unit)))
-    share = gaussian_filter1d(minimum_filter1d(share, 2 * round(SIDE * unit) + 1), SIDE / 2 * unit)
+    inner = minimum_filter1d(share, 2 * round(SIDE * unit) + 1)
+    share += turned * (gaussian_filter1d(inner, SIDE / 2 * unit) - share)
     if not share.any():
         return background, np.zeros((size, size), bool)
-    end, inner = low + room, high - UNDER * unit
+    end, top = low + room, high - UNDER * unit
     columns = slice(*np.flatnonzero(share)[[0, -1]] + [0, 1])
     some = share > 0
-    rows = slice(max(0, int(inner[some].min())), min(size, int(end[some].max()) + 1))
+    rows = slice(max(0, int(top[some].min())), min(size, int(end[some].max()) + 1))
     row = np.arange(rows.start, rows.stop, dtype=np.float32)[:, None]
     source = end - (end - row) * room / np.maximum(end - high, unit)
     stretched = cv2.remap(
@@ -107,7 +113,7 @@ def with_neck(
         cv2.INTER_CUBIC,
         borderMode=cv2.BORDER_REPLICATE,
     )
-    weight = (share * ((row < end) & (row > inner)))[:, columns]
+    weight = (share * ((row < end) & (row > top)))[:, columns]
     below = background[rows, columns]
     out, changed = background.copy(), np.zeros((size, size), bool)
     blended = below + weight[..., None] * (stretched.astype(np.float32) - below)

@@ -166,11 +166,11 @@ def test_columns_that_look_like_neck_alone_draw_no_stripes() -> None:
 
 
 def test_the_edge_of_a_neck_is_not_stretched() -> None:
-    """Its last columns hold what shades it."""
+    """The last columns of one that turns hold what shades it."""
     image, background, matte, contour = scene()
     image[S // 2 + FILM - 8 :, S // 2 + 18 : S // 2 + 20] = (60, 45, 40)
     image[:, S // 2 + 20 :] = background[:, S // 2 + 20 :] = WALL
-    made, _ = with_neck(image, background, Neck.of(image, matte, contour), disc(80))
+    made, _ = with_neck(image, background, Neck.of(image, matte, contour), disc(80), turned=1.0)
     risen = made[S // 2 + 84, S // 2 : S // 2 + 19].astype(int)
     assert np.abs(risen[:12] - SKIN).max() < 20
     assert risen[12:].sum(1).min() > np.sum(SKIN) / 2
