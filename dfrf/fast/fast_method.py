@@ -20,22 +20,21 @@ from dfrf.config import TrainConfig
 from dfrf.data.dataset import HeadDataset, neighbour_windows
 from dfrf.data.ray_batch import RayBatch
 from dfrf.data.reference_cuts import cut_mouths, cut_references
+from dfrf.fast.baking import bake, prune
 from dfrf.fast.fast_loss import share_outcome
 from dfrf.fast.fast_model import FastModel
 from dfrf.fast.medoids import medoids
 from dfrf.field.audio import NEIGHBOURS, WINDOW
-from dfrf.field.conditioned_field import ConditionedField
 from dfrf.field.mouth_pixels import MOUTHS, TURN, lip_traits, read_measures
 from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.field.reference_views import MouthViews, ReferenceViews
 from dfrf.field.speaker_adaptation import CONTEXT_FRAMES, NUMBERS
 from dfrf.method_interface import FrameInputs, Method, StepOutcome
-from dfrf.rendering.baked_density import chosen_frames, corners, positions
-from dfrf.rendering.baked_frame import BakedHead, ViewImages
+from dfrf.rendering.baked_frame import BakedHead
 from dfrf.rendering.frame_buffer import HeadImage
 from dfrf.rendering.frame_head import FrameHead, MarchedHead
-from dfrf.rendering.grid_pruning import prune_grid
-from dfrf.rendering.volume_rendering import density_at, render_rays
+from dfrf.rendering.view_images import ViewImages
+from dfrf.rendering.volume_rendering import render_rays
 from dfrf.training.lip_supervision import (
     dataset_codes,
     fit_speaker_adaptation,
@@ -75,44 +74,6 @@ def training_conditioning(
 def speech_windows(dataset: HeadDataset, frames: Int[Tensor, " F"]) -> Float[Tensor, "F 8 W D"]:
     """Speech windows of the neighbours of images of a person."""
     return neighbour_windows(dataset.windows, dataset.segment, dataset.number[frames.cpu()])
-
-
-def prune(
-    model: FastModel,
-    conditioning: Float[Tensor, "T K"],
-    c2w: Float[Tensor, "T 3 4"],
-    maps: ReferenceMaps | None,
-    generator: torch.Generator,
-) -> None:
-    """Closes the cells that are empty in all of these frames."""
-
-    def field_of(frame: int) -> ConditionedField:
-        return ConditionedField(model.field, conditioning[frame : frame + 1], maps)
-
-    prune_grid(model.grid, model.config.march.step, field_of, c2w, generator)
-
-
-@torch.no_grad()
-def bake(
-    model: FastModel,
-    conditioning: Float[Tensor, "T K"],
-    origins: Float[Tensor, "T 3"],
-    maps: ReferenceMaps,
-    count: int,
-) -> None:
-    """Fits the baked density of a learned model to `count` of these frames."""
-    described = model.described(conditioning, origins)
-    some = chosen_frames(described, count)
-    points = corners(model.grid.occupied)
-    at, rounded = positions(model.grid, points), model.rounded()
-
-    def density(frame: int) -> Float[Tensor, " V"]:
-        volume = rounded.volume(conditioning[frame : frame + 1], maps)
-        return density_at(volume.field.seen_from(origins[frame]), at, origins[frame])
-
-    with Workers(model.device, FRAMES_AT_ONCE) as workers:
-        of_frames = torch.stack(list(workers.map(density, some)))
-    model.baked.fit(points, described[some], of_frames)
 
 
 class FastMethod(Method[RayShare, ReferenceMaps]):

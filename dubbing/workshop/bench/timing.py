@@ -26,12 +26,13 @@ from dfrf.field.speaker_adaptation import CONTEXT_FRAMES
 from dfrf.presets import method_of
 from dfrf.published.conditioned_field import References
 from dfrf.published.paper_model import PaperModel
-from dfrf.rendering.baked_frame import BakedHead, ViewImages
+from dfrf.rendering.baked_frame import BakedHead
 from dfrf.rendering.frame_head import FrameHead, MarchedHead
 from dfrf.rendering.frame_renderer import BLOCK, head_blocks, render_frame
 from dfrf.rendering.occupancy import OccupancyGrid
 from dfrf.rendering.pose_refinement import normal_equations
 from dfrf.rendering.ray_marching import march
+from dfrf.rendering.view_images import ViewImages
 from dfrf.rendering.volume_rendering import evaluate
 from dfrf.training.fit import FitOptions, fit
 from dubbing.compositing.composite import replacement

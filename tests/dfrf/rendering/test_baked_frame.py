@@ -11,8 +11,9 @@ from dfrf.fast.fast_method import FastMethod
 from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.field.speaker_adaptation import CONTEXT_FRAMES
 from dfrf.method_interface import FrameInputs
-from dfrf.rendering.baked_frame import BLOCK, BakedHead, between, edge, spread
+from dfrf.rendering.baked_frame import BLOCK, BakedHead, edge, spread
 from dfrf.rendering.frame_head import MarchedHead
+from dfrf.rendering.view_images import between
 from tests.dfrf.people import FOCAL, SIZE, person, random_model
 
 TIMES = 4  # as many pixels a side as the references

@@ -6,7 +6,7 @@ import torch
 from dfrf import presets
 from dfrf.cameras import Camera
 from dfrf.data.reference_cuts import cut_references
-from dfrf.fast.fast_method import prune
+from dfrf.fast.baking import prune
 from dfrf.field.field import PRIOR_CENTRE, PRIOR_RADII
 from dfrf.rendering.volume_rendering import render_rays
 from tests.dfrf.people import FOCAL, SIZE, person, small_config
