@@ -173,9 +173,17 @@ class FilmFace:
         both = spread(kept[part]) * film + spread(shown) * own[..., :3]
         out[part] = rounded(np.dstack([both, 255 * kept[part] + shown * own[..., 3]]))
         moved = np.clip(np.hypot(*motion) / unit * moving, 0, 1)
-        # What lies away from the jaw, here and where the film has it, stays where it is.
+        # A matte's collar stays where it lies away from the jaw, here and where the film has it. So
+        # does what the film shows beside its head, clothes or a wall, where no jaw covers it.
         heads = new | (face > HALF) | swept(learned, -motion)
-        moved = moved * falling(distance(~heads) / unit, BESIDE)
+        filmed = self.matte[part] > HALF
+        beside = of_another_red(self.image[part], face > HALF) & ~filmed
+        own = cv2.GaussianBlur(beside.astype(np.float32), (0, 0), max(SOFT, unit))
+        own = np.maximum(
+            own * (1 - out[part][..., 3] / np.float32(255)),
+            filmed * (1 - falling(distance(~heads) / unit, BESIDE)),
+        )
+        moved = moved * (1 - own)
         changed[part] = (255 * np.maximum(moved, shown)).round()
         if self.overlay is not None:
             changed = np.minimum(changed, 255 - self.overlay)

@@ -167,6 +167,20 @@ def test_clothes_that_a_chin_touches_do_not_rise_with_it() -> None:
     assert opacity["skin"].min() > 200
 
 
+def test_a_collar_that_the_film_shows_beside_a_chin_is_not_replaced() -> None:
+    """What is restored behind a head is never quite it."""
+    image = np.full((S, S, 3), (200, 150, 120), np.uint8)
+    collar = np.s_[END + 3 : END + 12, MIDDLE - 20 : MIDDLE + 20]
+    image[collar] = (230, 230, 240)
+    face = FilmFace(image, disc(), None, LANDMARKS, CONTOUR)
+    for down in (-10.0, 8.0):
+        made = face.carried(of_one_colour(disc()), ALL, np.array([0, down]), FREE)
+        seen = made.share[END + 5 : END + 11, MIDDLE - 15 : MIDDLE + 15]
+        covered = made.head[END + 5 : END + 11, MIDDLE - 15 : MIDDLE + 15, 3]
+        assert seen[covered == 0].max(initial=0) < 30
+        assert (covered.max() > 200) == (down > 0)
+
+
 def test_clothes_within_a_mattes_edge_stay_below_a_chin_that_comes_off_them() -> None:
     """The learned chin may lie below them."""
     image = np.full((S, S, 3), (200, 150, 120), np.uint8)
