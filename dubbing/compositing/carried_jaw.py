@@ -178,12 +178,12 @@ class FilmFace:
         heads = new | (face > HALF) | swept(learned, -motion)
         filmed = self.matte[part] > HALF
         beside = of_another_red(self.image[part], face > HALF) & ~filmed
-        own = cv2.GaussianBlur(beside.astype(np.float32), (0, 0), max(SOFT, unit))
-        own = np.maximum(
-            own * (1 - out[part][..., 3] / np.float32(255)),
+        stays = cv2.GaussianBlur(beside.astype(np.float32), (0, 0), max(SOFT, unit))
+        stays = np.maximum(
+            stays * (1 - out[part][..., 3] / np.float32(255)),
             filmed * (1 - falling(distance(~heads) / unit, BESIDE)),
         )
-        moved = moved * (1 - own)
+        moved = moved * (1 - stays)
         changed[part] = (255 * np.maximum(moved, shown)).round()
         if self.overlay is not None:
             changed = np.minimum(changed, 255 - self.overlay)
