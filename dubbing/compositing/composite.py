@@ -33,7 +33,7 @@ def replacement(film: FilmFrame, head: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
     Returns:
         The composite (S, S, 3), its mask (S, S), and what is new in it (S, S), all uint8: the
-        mask without the share of the film's own pixels, which a jaw takes along.
+        mask without the share of the film's own pixels, which a jaw or a neck takes along.
     """
     image, landmarks = film.image, film.landmarks
     size = len(image)
@@ -56,7 +56,8 @@ def replacement(film: FilmFrame, head: np.ndarray) -> tuple[np.ndarray, np.ndarr
     turned = comes_off(landmarks)
     under, stretched = with_neck(image, film.background, neck, made.head[..., 3], turned)
     picture, mask = composite(under, film.restored | stretched, made.head, made.share)
-    return picture, mask, (mask * (1 - made.kept)).round().astype(np.uint8)
+    own = made.kept + stretched * (1 - made.head[..., 3] / np.float32(255))
+    return picture, mask, (mask * np.clip(1 - own, 0, 1)).round().astype(np.uint8)
 
 
 def composite(

@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dubbing.compositing import composite as module
 from dubbing.compositing.composite import blend, composite, replacement
 from dubbing.compositing.face_mask import rendered_region
 from dubbing.face.mesh_points import NOSE_BASE
@@ -127,6 +128,22 @@ def test_a_head_that_ends_too_early_leaves_the_films_nose_and_not_its_lips() -> 
     nose, lips = round(points[NOSE_BASE, 1]) - 3, round(points[list(OUTER_LIP), 1].mean())
     np.testing.assert_array_equal(shown[nose, S // 2 + 30], image[nose, S // 2 + 30])
     assert tuple(shown[lips, S // 2 + 30]) == (0, 100, 0)
+
+
+def test_a_neck_that_is_stretched_is_the_films_own_and_gets_no_noise(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    image, background, _, head = scene()
+    matte = np.where(np.hypot(*(np.mgrid[:S, :S] - S // 2)) < 100, 255, 0).astype(np.uint8)
+    head[S // 2 + 20 :] = 0  # a jaw that is much higher
+    frame = replace(film(image, matte, background), landmarks=fakes.talking_face(S))
+    shown = []
+    for stretched in (False, True):
+        neck = np.full((S, S), stretched)
+        monkeypatch.setattr(module, "with_neck", lambda _, under, *__, neck=neck: (under, neck))
+        _, mask, new = replacement(frame, head)
+        shown.append(new[(mask > 100) & (matte > 0)].astype(int))
+    assert shown[1].sum() < 0.9 * shown[0].sum()
 
 
 def test_haze_of_a_learned_head_and_what_floats_beside_it_are_not_seen() -> None:
