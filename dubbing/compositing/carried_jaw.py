@@ -143,7 +143,7 @@ class FilmFace:
             motion: (2,) px, see `motion_to`. held: (S,) share of each column that does not move.
         """
         size, unit, landmarks = len(self.image), self.unit, self.landmarks
-        out = np.dstack([np.zeros_like(self.image), self.matte])
+        out = cv2.merge((np.zeros_like(self.image), self.matte))
         changed, kept = np.zeros((size, size), np.uint8), np.zeros((size, size), np.float32)
         part = round_mouth(landmarks, size)
         if not self.matte[part].size:  # the mouth is outside of the picture
@@ -171,7 +171,7 @@ class FilmFace:
         shown = (shown * share[part] / 255).astype(np.float32)
         kept[part] = (1 - shown) * opacity / 255
         both = spread(kept[part]) * film + spread(shown) * own[..., :3]
-        out[part] = rounded(np.dstack([both, 255 * kept[part] + shown * own[..., 3]]))
+        out[part] = rounded(cv2.merge((both, 255 * kept[part] + shown * own[..., 3])))
         moved = np.clip(np.hypot(*motion) / unit * moving, 0, 1)
         # A matte's collar stays where it lies away from the jaw, here and where the film has it. So
         # does what the film shows beside its head, clothes or a wall, where no jaw covers it.
@@ -220,7 +220,7 @@ def remapped(
 def of_another_red(image: np.ndarray, face: np.ndarray) -> np.ndarray:
     """Pixels (H, W) bool of an image (H, W, 3) uint8 that are less red than a face (H, W) bool."""
     smooth = cv2.blur(image, (3, 3)).astype(np.float32) + 1
-    red = smooth[..., 0] / smooth.sum(2)
+    red = smooth[..., 0] / cv2.transform(smooth, np.ones((1, 3)))
     return np.asarray(red < (np.median(red[face]) if face.any() else 0) - PALE)
 
 

@@ -10,7 +10,7 @@ from dubbing.compositing.carried_jaw import FilmFace
 from dubbing.compositing.face_mask import face_mask
 from dubbing.compositing.film_look import in_focus
 from dubbing.compositing.jaw_opening import comes_off, touching
-from dubbing.compositing.light import follow_light
+from dubbing.compositing.light import HAZE, follow_light
 from dubbing.compositing.neck import Neck, with_neck
 from dubbing.compositing.skin_detail import with_detail_of
 from dubbing.face.face_contour import face_contour
@@ -19,7 +19,7 @@ from dubbing.preparation.film_frame import FilmFrame
 from dubbing.preparation.matting.matting import REFERENCE_SIZE
 
 INPAINT = 3  # px round letters from which the neck behind them is inpainted
-HAZE, HALF, OPAQUE = 16, 128, 250  # of 255; a head with less than the first is haze
+HALF, OPAQUE = 128, 250  # of 255
 FEATHER = 6  # px, inside the edge; less than the inpaint mask is wider than the old head
 
 

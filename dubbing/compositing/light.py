@@ -16,7 +16,7 @@ from dubbing.preparation.matting.matting import REFERENCE_SIZE, dilate
 STEP = 4  # px between places where the ratio is measured
 SMOOTH = 36.0  # px, Gaussian: faster variation is skin, not light
 MOUTH = 14.0  # px round the film's lips, which move with other words
-OPAQUE = 250  # of 255
+HAZE, OPAQUE = 16, 250  # of 255; a head with no more than the first is haze
 DARK = 4.0  # grey levels added before the ratio is taken: black has none
 PRIOR_WEIGHT = 0.02  # of the whole face's ratio beside that of the neighbourhood
 MIN_SHARE = 0.002  # of the crop's pixels that must show the same skin; with fewer, no relighting
@@ -45,7 +45,7 @@ def follow_light(
     # Only where the head is, from block to block, and one block more.
     rows, columns = (
         slice(i.start // STEP * STEP, i.stop // STEP * STEP)
-        for i in around(extent(head[..., 3] > 0), 2 * STEP, size)[0]
+        for i in around(extent(head[..., 3] > HAZE), 2 * STEP, size)[0]
     )
     part = rows, columns
     lips = dilate(lip_region(landmarks, size)[part], MOUTH * unit)
