@@ -180,7 +180,11 @@ def usual_difference(apart: np.ndarray) -> np.ndarray:
 
 def is_awry(compared: Compared, usual: np.ndarray) -> bool:
     """Whether the head does not lie on the face: much of the face differs from it a little."""
+    return off_by(compared, usual) > AWRY
+
+
+def off_by(compared: Compared, usual: np.ndarray) -> float:
+    """How far the face differs from the head, a logarithm beyond what is usual (H, W)."""
     if not compared.face.any():
-        return False
-    beyond = compared.apart[compared.face] - usual[compared.face]
-    return bool(np.percentile(beyond, MUCH) > AWRY)
+        return 0.0
+    return float(np.percentile(compared.apart[compared.face] - usual[compared.face], MUCH))

@@ -24,7 +24,15 @@ from dubbing.engine.disk.files import atomic_path
 from dubbing.engine.graph.stage import Progress
 from dubbing.face.finding.hand_finder import HandFinder
 from dubbing.face.mesh_points import RIGID
-from dubbing.heads.comparison import Compared, Comparison, images, is_awry, usual_difference
+from dubbing.heads.comparison import (
+    AWRY,
+    Compared,
+    Comparison,
+    images,
+    is_awry,
+    off_by,
+    usual_difference,
+)
 from dubbing.heads.cover_cut import (
     followed,
     is_large,
@@ -200,12 +208,14 @@ def _with_poses_mended(
     """The clip with other poses and landmarks of those frames of a run whose head lies awry.
 
     What hides a face moves its landmarks. The pose begins between those of the frames around, and
-    is refined; landmarks that do not fit it become those of the mean face in that pose.
+    is refined; landmarks that do not fit it become those of the mean face in that pose. Where that
+    lies no better, as where a head is shaken, all stays.
 
     Returns:
         The clip, and these frames.
     """
-    awry = run[[is_awry(c, usual) for c in Comparison(method, maps, clip).look(run)]]
+    before = np.array([off_by(c, usual) for c in Comparison(method, maps, clip).look(run)])
+    awry = run[before > AWRY]
     beside_face = set(awry.tolist())
     awry = np.intersect1d(run, np.add.outer(awry, (-1, 0, 1)))
     rest = np.flatnonzero(clip.valid & (clip.segment == clip.segment[run[0]]))
@@ -227,7 +237,16 @@ def _with_poses_mended(
     off = np.linalg.norm((landmarks[awry] - mean)[:, list(RIGID)], axis=2).max(1)
     fit = off < FITTING * clip.eye_distances()[awry]
     landmarks[awry] = np.where(fit[:, None, None], landmarks[awry], mean)
-    return replace(posed, landmarks=landmarks), beside_face
+    posed = replace(posed, landmarks=landmarks)
+    after = np.array([off_by(c, usual) for c in Comparison(method, maps, posed).look(awry)])
+    worse = awry[after > before[np.isin(run, awry)]]
+    for array, old in (
+        (posed.rotation, clip.rotation),
+        (posed.translation, clip.translation),
+        (posed.landmarks, clip.landmarks),
+    ):
+        array[worse] = old[worse]
+    return posed, beside_face
 
 
 def lasting(hidden: set[int], least: float) -> set[int]:

@@ -1,11 +1,18 @@
 """Covers of a face are found where a head cannot explain the picture."""
 
+from collections.abc import Iterator
 from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import cv2
 import numpy as np
 import pytest
 
+from dfrf.method_interface import Method
+from dubbing.heads import covers
 from dubbing.heads.comparison import Compared, H, W, is_awry, to_face, usual_difference
 from dubbing.heads.cover_cut import (
     followed,
@@ -17,6 +24,8 @@ from dubbing.heads.cover_cut import (
     whole,
 )
 from dubbing.heads.covers import MOST_USUAL, lasting, runs_of, told_apart
+from dubbing.media import VideoWriter
+from dubbing.preparation.prepared import PreparedClip
 from tests import fakes
 
 FACE = np.zeros((H, W), bool)
@@ -228,3 +237,40 @@ def test_frames_in_a_row_are_looked_at_together() -> None:
 def test_a_face_is_not_hidden_for_a_blink() -> None:
     assert lasting({3, 4, 5, 20, 21, 22, 23, 24, 25, 26, 27}, 7.5) == set(range(20, 28))
     assert lasting(set(), 7.5) == set()
+
+
+class Looks:
+    """How far the head of each frame lies beside the face, in place of what they look like."""
+
+    blur, true = 0.2, 0.0
+
+    def __init__(self, _method: object, _maps: object, clip: PreparedClip) -> None:
+        self.clip = clip
+
+    def look(self, frames: np.ndarray) -> Iterator[float]:
+        for t in frames:
+            off = abs(float(self.clip.translation[t, 0]) - self.true * (t == SHAKEN))
+            yield off + self.blur * (t == SHAKEN)
+
+
+SHAKEN = 4  # a frame whose head is blurred
+
+
+@pytest.mark.parametrize("true", [0.0, 0.5])
+def test_a_pose_becomes_that_between_others_where_the_head_then_lies_better(
+    true: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with VideoWriter(tmp_path / "clip.mkv", 48, 40, Fraction(25), "ffv1") as writer:
+        for _ in range(9):
+            writer.write(np.zeros((40, 48, 3), np.uint8))
+    clip = fakes.write_prepared(tmp_path / "clip.mkv", tmp_path)
+    clip.translation[SHAKEN, 0] = 0.5
+    monkeypatch.setattr(Looks, "true", true)
+    monkeypatch.setattr(covers, "Comparison", Looks)
+    monkeypatch.setattr(covers, "off_by", lambda compared, _: compared)
+    monkeypatch.setattr(covers, "refined", lambda _model, _maps, clip, _frames: clip)
+    method = cast(Method[Any, Any], SimpleNamespace(model=None))
+    found, awry = covers._with_poses_mended(method, None, clip, np.arange(9), USUAL)
+    assert awry == {SHAKEN}
+    np.testing.assert_allclose(found.translation[:, 0], clip.translation[:, 0] * (true > 0))
+    assert clip.translation[SHAKEN, 0] == 0.5
