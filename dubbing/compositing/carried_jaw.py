@@ -133,7 +133,12 @@ class FilmFace:
         return np.asarray(said[order[np.searchsorted(sums, sums[-1] / 2)]] * way)
 
     def carried(
-        self, head: np.ndarray, share: np.ndarray, motion: np.ndarray, held: np.ndarray
+        self,
+        head: np.ndarray,
+        share: np.ndarray,
+        motion: np.ndarray,
+        held: np.ndarray,
+        neck: np.ndarray,
     ) -> CarriedHead:
         """The head with its jaw moved, and the learned head shown within it.
 
@@ -141,6 +146,7 @@ class FilmFace:
             head: (S, S, 4) uint8, the learned one, colour premultiplied by opacity, and opacity.
             share: (S, S) uint8, how much of each pixel may be the learned head's.
             motion: (2,) px, see `motion_to`. held: (S,) share of each column that does not move.
+            neck: (S,) share of each column that is neck below the jaw, of whatever red.
         """
         size, unit, landmarks = len(self.image), self.unit, self.landmarks
         out = cv2.merge((np.zeros_like(self.image), self.matte))
@@ -180,7 +186,7 @@ class FilmFace:
         beside = of_another_red(self.image[part], face > HALF) & ~filmed
         stays = cv2.GaussianBlur(beside.astype(np.float32), (0, 0), max(SOFT, unit))
         stays = np.maximum(
-            stays * (1 - out[part][..., 3] / np.float32(255)),
+            stays * (1 - neck[part[1]]) * (1 - out[part][..., 3] / np.float32(255)),
             filmed * (1 - falling(distance(~heads) / unit, BESIDE)),
         )
         moved = moved * (1 - stays)

@@ -52,7 +52,7 @@ def replacement(film: FilmFrame, head: np.ndarray) -> tuple[np.ndarray, np.ndarr
     motion = face.motion_to(lit[..., 3], film.jaw)
     neck = Neck.of(image, film.matte, contour)
     held = neck.clothes * touching(motion, landmarks, size)
-    made = face.carried(lit, share, motion, held)
+    made = face.carried(lit, share, motion, held, neck.share)
     turned = comes_off(landmarks)
     under, stretched = with_neck(image, film.background, neck, made.head[..., 3], turned)
     picture, mask = composite(under, film.restored | stretched, made.head, made.share)

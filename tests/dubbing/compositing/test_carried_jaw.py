@@ -50,7 +50,7 @@ def moved(
     **film: np.ndarray,
 ) -> CarriedHead:
     """The round head with a jaw that moved."""
-    return film_face(**film).carried(of_one_colour(opacity), share, np.array(motion), held)
+    return film_face(**film).carried(of_one_colour(opacity), share, np.array(motion), held, FREE)
 
 
 def motion_to(
@@ -161,7 +161,7 @@ def test_clothes_that_a_chin_touches_do_not_rise_with_it() -> None:
         matte[shirt], image[shirt] = 255, colour
         face = FilmFace(image, matte, None, LANDMARKS, CONTOUR)
         head = of_one_colour(disc(END - MIDDLE - 16))
-        made = face.carried(head, ALL, np.array([0, -16.0]), FREE)
+        made = face.carried(head, ALL, np.array([0, -16.0]), FREE, FREE)
         opacity[name] = made.head[END - 12 : END - 6, MIDDLE - 10 : MIDDLE + 10, 3]
     assert opacity["shirt"].max() < 40
     assert opacity["skin"].min() > 200
@@ -174,11 +174,14 @@ def test_a_collar_that_the_film_shows_beside_a_chin_is_not_replaced() -> None:
     image[collar] = (230, 230, 240)
     face = FilmFace(image, disc(), None, LANDMARKS, CONTOUR)
     for down in (-10.0, 8.0):
-        made = face.carried(of_one_colour(disc()), ALL, np.array([0, down]), FREE)
+        made = face.carried(of_one_colour(disc()), ALL, np.array([0, down]), FREE, FREE)
         seen = made.share[END + 5 : END + 11, MIDDLE - 15 : MIDDLE + 15]
         covered = made.head[END + 5 : END + 11, MIDDLE - 15 : MIDDLE + 15, 3]
         assert seen[covered == 0].max(initial=0) < 30
         assert (covered.max() > 200) == (down > 0)
+    # A neck in the shade may be no redder than that; the old chin's edge must not stay on it.
+    neck = face.carried(of_one_colour(disc()), ALL, np.array([0, -10.0]), FREE, np.ones(S))
+    assert neck.share[END + 5 : END + 11, MIDDLE - 15 : MIDDLE + 15].min() > 200
 
 
 def test_clothes_within_a_mattes_edge_stay_below_a_chin_that_comes_off_them() -> None:
@@ -191,7 +194,7 @@ def test_clothes_within_a_mattes_edge_stay_below_a_chin_that_comes_off_them() ->
     seen = []
     for landmarks in (LANDMARKS, turned):
         face = FilmFace(image, disc(), None, landmarks, CONTOUR)
-        made = face.carried(of_one_colour(disc()), ALL, np.array([0, -10.0]), FREE)
+        made = face.carried(of_one_colour(disc()), ALL, np.array([0, -10.0]), FREE, FREE)
         seen.append(made.kept[END - 12, MIDDLE - 10 : MIDDLE + 10].max())
     assert seen[0] > 0.9
     assert seen[1] < 0.1
@@ -222,4 +225,4 @@ def test_a_mouth_outside_of_the_picture_changes_nothing() -> None:
     away = LANDMARKS + np.array([3 * S, 0])
     face = FilmFace(IMAGE, disc(), None, away, face_contour(away, S))
     assert not face.motion_to(disc(), None).any()
-    assert not face.carried(of_one_colour(disc()), ALL, np.zeros(2), FREE).share.any()
+    assert not face.carried(of_one_colour(disc()), ALL, np.zeros(2), FREE, FREE).share.any()
