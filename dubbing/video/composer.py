@@ -130,13 +130,18 @@ class Composer:
             own[cue.first : cue.stop] = False
         return own
 
-    def read(self, first: int, stop: int) -> Iterator[tuple[np.ndarray, list[Face]]]:
-        """The film's frames (or crops) first .. stop of the dub, and the faces to replace."""
+    def read(self, first: int, stop: int) -> Iterator[tuple[np.ndarray | None, list[Face]]]:
+        """The film's frames (or crops) first .. stop of the dub, and the faces to replace.
+
+        None in place of a frame that stays as its planes are.
+        """
         edges = {edge for h in self.heads for edge in (h.first, h.stop) if first < edge < stop}
         for low, high in pairwise([first, *sorted(edges), stop]):
             heads = [h for h in self.heads if h.first <= low < h.stop]
             if heads:
                 yield from self._with_heads(heads, low, high)
+            elif self.pixels is not None and self.delivery is None:
+                yield from itertools.repeat((None, []), high - low)
             else:
                 for image in read_film(self.film, self.poses[low:high]):
                     yield image, []
@@ -187,7 +192,7 @@ class Composer:
     def frame(
         self,
         planes: Planes | None,
-        image: np.ndarray,
+        image: np.ndarray | None,
         faces: Sequence[Face],
         index: int,
         number: int,
@@ -199,7 +204,11 @@ class Composer:
 
         Args:
             planes: the film's own values of that frame; None for RGB.
+            image: see `read`.
         """
+        if image is None:
+            assert planes is not None
+            return planes
         out, replaced = with_faces(image, faces, index)
         if self.mark is not None:
             out = self.mark.draw(out, replaced, number)

@@ -88,6 +88,7 @@ def test_every_value_that_is_not_replaced_is_the_films_own(
     assert films[0][0].dtype == (np.uint8 if pixels in ("yuv420p", "bgr0") else np.uint16)
     changes, finished = 0, []
     for k, (own, (image, faces)) in enumerate(zip(films, plain.read(0, 12), strict=True)):
+        assert image is not None
         _, replaced = composer.with_faces(image, faces, k)
         without, made = (c.frame(own, image, faces, k, k) for c in (plain, marked))
         for before, after in zip(own, made, strict=True):
