@@ -5,7 +5,8 @@ Images are RGB uint8 arrays (H, W, 3), or planes of the film's own values; audio
 """
 
 from dubbing.media.opening.ffmpeg import binary, version
-from dubbing.media.probing.probing import count_frames, probe
+from dubbing.media.probing.coded import coded_pictures, count_frames
+from dubbing.media.probing.probing import probe
 from dubbing.media.properties.info import MediaInfo
 from dubbing.media.properties.native import PixelFormat, Planes
 from dubbing.media.reading.reading import (
@@ -27,6 +28,7 @@ __all__ = [
     "Planes",
     "VideoWriter",
     "binary",
+    "coded_pictures",
     "count_frames",
     "cut",
     "iter_audio",

@@ -21,7 +21,6 @@ from dubbing.engine.disk.files import atomic_write_json
 from dubbing.engine.disk.numbered import with_options
 from dubbing.engine.disk.pieces import Pieces
 from dubbing.engine.graph.stage import Progress
-from dubbing.errors import RenderingError
 from dubbing.media.reading.overlap import ahead, behind
 from dubbing.mixing.mix import mix
 from dubbing.mixing.sound import SOUND, Sound
@@ -40,12 +39,12 @@ from dubbing.video.found_mark import found_again, found_before
 from dubbing.video.heads import Heads
 from dubbing.video.settings import VideoSettings
 from dubbing.video.turnover import CHECKED, Delivery
-from dubbing.video.untouched import compare
+from dubbing.video.untouched import Proof, prove
+from dubbing.video.verification import as_before, verify
 
 SEGMENT = 25  # frames a file: what is made again where one of them changes
 SUFFIX = ".mov"  # a container with exact time stamps and colours, to be joined without decoding
 MIXED = "mixed.json"
-TOLERANCE = 1e-3  # seconds; Matroska counts whole milliseconds
 
 
 def make(
@@ -119,7 +118,17 @@ def make(
             timecode=source.full_timecode_at(int(pose_index[0])),
         )
     progress("decoding the result", 1.0)
-    verify(result, frames, rate)
+    seen = np.zeros(frames, bool)
+    if taken and last is not None:
+        seen = as_before(result, video_file(last, settings.codec), taken, frames)
+    own = composer.untouched()
+    proof = Proof(untouched=None, parts={})
+    if (out / MIXED).is_file() and proven and own.any():
+        progress("comparing with the film", 1.0)
+        before = json_records.read_or(None, last / SCENE_FILE, Proof) if last else None
+        proof = prove(film.clip, result, own, rate, SEGMENT, before, seen[: len(own)])
+        seen[: len(own)] |= own
+    verify(result, frames, rate, seen)
     picture: dict[str, Any] = {
         "own_pixels": composer.own_pixels(),
         "overlaid": composer.overlaid(),
@@ -136,14 +145,11 @@ def make(
     (out / CHECKED).unlink(missing_ok=True)
     if settings.codec != "h264":
         progress("proxy", 1.0)
-        seen = with_options(result, options_of_video(film.clip, settings.frame))
-        media.proxy(seen, out / PROXY_FILE, provenance.tags())
+        shown_as = with_options(result, options_of_video(film.clip, settings.frame))
+        media.proxy(shown_as, out / PROXY_FILE, provenance.tags())
     if (out / MIXED).is_file():
-        progress("comparing with the film", 1.0)
-        own = composer.untouched()
-        proof = compare(film.clip, result, own, rate) if proven and own.any() else None
         figures = json_records.read(out / MIXED, dict[str, Any], "figures of the mix")
-        atomic_write_json(out / SCENE_FILE, {"sound": figures, "untouched": proof})
+        atomic_write_json(out / SCENE_FILE, {"sound": figures, **proof})
         (out / SOUND).unlink(missing_ok=True)
         (out / MIXED).unlink()
     shutil.rmtree(segments, ignore_errors=True)
@@ -215,20 +221,3 @@ def _pictures(
             for _ in range(settings.card.frames):
                 encoder.write(picture)
     return parts
-
-
-def verify(path: Path, frames: int, rate: Fraction) -> None:
-    """Decode a finished video: its frames, its rate, and that sound and picture begin together.
-
-    Raises:
-        RenderingError: something differs.
-    """
-    info = media.probe(path)
-    found = media.count_frames(path)
-    if found != frames:
-        raise RenderingError(f"the file holds {found} frames instead of {frames}", path.name)
-    if info.rate != rate:
-        raise RenderingError(f"the file runs at {info.rate} instead of {rate}", path.name)
-    if abs(info.video_start - info.audio_start) > TOLERANCE:
-        late = 1000 * (info.audio_start - info.video_start)
-        raise RenderingError(f"the sound begins {late:.1f} ms after the picture", path.name)

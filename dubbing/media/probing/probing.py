@@ -56,20 +56,6 @@ def _probe(path: Path) -> MediaInfo:
         raise MediaError("not a readable media file", str(path), str(error)) from error
 
 
-def count_frames(path: Path | str) -> int:
-    """Count the frames of ``path`` by decoding every one.
-
-    Raises:
-        MediaError: it cannot be decoded.
-    """
-    try:
-        with opened(path) as container:
-            container.streams.video[0].thread_type = "AUTO"
-            return sum(1 for _ in container.decode(video=0))
-    except (av.FFmpegError, IndexError) as error:
-        raise MediaError("cannot be decoded", str(path), str(error)) from error
-
-
 def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
     pictures = [s for s in container.streams.video if not s.disposition & ATTACHED_PICTURE]
     video = next(iter(pictures), None)

@@ -9,6 +9,7 @@ import shutil
 from contextlib import closing
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from dubbing.manifest.manifest import load
 from dubbing.script.timecode import frame_of
 from dubbing.stages.check import Check
 from dubbing.video import assembly as composite
+from dubbing.video import untouched
 from tests import clips, fakes
 from tests.dubbing.batches import dub
 
@@ -285,6 +287,29 @@ def test_a_lossy_codec_is_described_by_its_worst_frame(scene: Path) -> None:
     proof = json.loads((work / "composite" / "scene.json").read_text())["untouched"]
     assert not proof["identical"]
     assert proof["psnr"] > 30
+
+
+def test_the_proof_of_what_stays_is_that_of_a_scene_made_anew(
+    scene: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene.write_text(scene.read_text().replace(", codec: ffv1", ""))
+    dub(scene)
+    counted = []
+    compared = untouched._compared
+
+    def noted(*of: Any) -> Any:
+        counted.append(int(of[2].sum()))
+        return compared(*of)
+
+    monkeypatch.setattr(untouched, "_compared", noted)
+    (scene.parent / "it.srt").write_text(SRT.replace("00:00:01,668", "00:00:01,585"))
+    dub(scene)
+    composite = scene.parent / "out" / "work" / "dubs" / "it" / "composite"
+    kept = json.loads((composite / "scene.json").read_text())
+    shutil.rmtree(composite)
+    dub(scene)
+    assert json.loads((composite / "scene.json").read_text()) == kept
+    assert counted[0] < counted[1] == kept["untouched"]["frames"]
 
 
 def add_clips(scene: Path) -> None:

@@ -20,10 +20,11 @@ from dubbing.mixing.sound import Sound
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.script.timeline import Cue, Edit, frame_count
 from dubbing.video import assembly, composer
-from dubbing.video.assembly import make, verify
+from dubbing.video.assembly import make
 from dubbing.video.files import PICTURE_FILE
 from dubbing.video.heads import Heads, read_heads
 from dubbing.video.settings import VideoSettings
+from dubbing.video.verification import verify
 from tests import clips, fakes
 from tests.dubbing.video.scene import Scene, kept_of, quiet, recording
 

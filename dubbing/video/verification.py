@@ -1,0 +1,63 @@
+"""The last check of a finished video: what is new in it is decoded."""
+
+from collections.abc import Iterator
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+
+from dubbing import media
+from dubbing.errors import RenderingError
+
+TOLERANCE = 1e-3  # seconds; Matroska counts whole milliseconds
+
+
+def as_before(result: Path, last: Path, taken: set[int], frames: int) -> np.ndarray:
+    """Frames (F,) bool of a result that are coded as in the last one, which was verified.
+
+    Args:
+        taken: frames of segments that were taken from it, each from a key frame up to the next.
+        frames: F.
+
+    Raises:
+        MediaError: one of them cannot be read.
+    """
+    same = np.zeros(frames, bool)
+    if taken and last.exists():
+        pairs = zip(media.coded_pictures(result), media.coded_pictures(last), strict=False)
+        for k, (made, before) in enumerate(pairs):
+            if k in taken and k < frames:
+                same[k] = made == before
+    return same
+
+
+def verify(path: Path, frames: int, rate: Fraction, seen: np.ndarray | None = None) -> None:
+    """Decode a finished video: its frames, its rate, and that sound and picture begin together.
+
+    Args:
+        seen: frames (F,) bool that need not be decoded.
+
+    Raises:
+        MediaError: it cannot be decoded.
+        RenderingError: something differs.
+    """
+    info = media.probe(path)
+    if seen is None or not seen.any():
+        found = media.count_frames(path)
+    else:
+        found = len(media.coded_pictures(path))
+        for first, stop in runs(~seen) if found == frames else ():
+            found -= stop - first - media.count_frames(path, first, stop, rate)
+    if found != frames:
+        raise RenderingError(f"the file holds {found} frames instead of {frames}", path.name)
+    if info.rate != rate:
+        raise RenderingError(f"the file runs at {info.rate} instead of {rate}", path.name)
+    if abs(info.video_start - info.audio_start) > TOLERANCE:
+        late = 1000 * (info.audio_start - info.video_start)
+        raise RenderingError(f"the sound begins {late:.1f} ms after the picture", path.name)
+
+
+def runs(chosen: np.ndarray) -> Iterator[tuple[int, int]]:
+    """First and stop of each run of chosen frames (F,) bool."""
+    edges = np.flatnonzero(np.diff(chosen, prepend=False, append=False)).reshape(-1, 2)
+    yield from ((int(first), int(stop)) for first, stop in edges)
