@@ -40,7 +40,7 @@ from dubbing.video.heads import Heads
 from dubbing.video.settings import VideoSettings
 from dubbing.video.turnover import CHECKED, Delivery
 from dubbing.video.untouched import Proof, prove
-from dubbing.video.verification import as_before, verify
+from dubbing.video.verification import as_before, runs, verify
 
 SEGMENT = 25  # frames a file: what is made again where one of them changes
 SUFFIX = ".mov"  # a container with exact time stamps and colours, to be joined without decoding
@@ -92,11 +92,11 @@ def make(
     if settings.deliver != "video":
         delivery = Delivery(film.clip, out / DELIVERED, settings.deliver == "sequence")
     composer = Composer(heads, pose_index, settings, delivery)
-    taken: set[int] = set()
+    taken = np.zeros(len(pose_index), bool)
     if not result.exists():
         if delivery is None:  # frames beside the video are made with their segment
             taken = _take_over(composer, segments, Pieces(out, last, made_by), settings.codec)
-        parts = _pictures(composer, segments, settings, progress)
+        parts = _pictures(composer, segments, taken, settings, progress)
         progress("muxing", 1.0)
         # The sound has its requested length, unless the dub was cut to the clip.
         longest = float((len(pose_index) + Fraction(1, 2)) / rate)
@@ -118,10 +118,9 @@ def make(
             timecode=source.full_timecode_at(int(pose_index[0])),
         )
     progress("decoding the result", 1.0)
-    seen = np.zeros(frames, bool)
-    if taken and last is not None:
-        seen = as_before(result, video_file(last, settings.codec), taken, frames)
-    own = composer.untouched()
+    own, seen = composer.untouched(), np.zeros(frames, bool)
+    if last is not None:
+        seen[: len(own)] = as_before(result, video_file(last, settings.codec), taken)
     proof = Proof(untouched=None, parts={})
     if (out / MIXED).is_file() and proven and own.any():
         progress("comparing with the film", 1.0)
@@ -161,30 +160,41 @@ def segment_edges(frames: int) -> list[tuple[int, int]]:
     return [(first, min(first + SEGMENT, frames)) for first in range(0, frames, SEGMENT)]
 
 
-def _take_over(composer: Composer, folder: Path, pieces: Pieces, codec: str) -> set[int]:
+def _file_of(folder: Path, first: int, stop: int) -> Path:
+    """The file of frames first .. stop."""
+    return folder / f"{first:06d}-{stop:06d}{SUFFIX}"
+
+
+def _take_over(composer: Composer, folder: Path, pieces: Pieces, codec: str) -> np.ndarray:
     """Cut the segments that would be made again from the last result, if it has exact times.
 
-    Gives the numbers of their frames.
+    Those that follow one another become one file. Gives their frames, (F,) bool.
     """
     exact = media.SUFFIX[codec] != ".mkv"
-    cuts = []
-    for first, stop in segment_edges(len(composer.poses)):
-        part = folder / f"{first:06d}{SUFFIX}"
-        (same,) = pieces.same(part.stem, [[first, composer.made_of(first, stop)]])
-        if same and pieces.last is not None and exact and not part.exists():
-            cuts.append((video_file(pieces.last, codec), part, first, stop - first))
-    for _ in in_order(media.cut, cuts):
-        pass
-    return {k for _, _, first, count in cuts for k in range(first, first + count)}
+    taken = np.zeros(len(composer.poses), bool)
+    for first, stop in segment_edges(len(taken)):
+        (same,) = pieces.same(f"{first:06d}", [[first, composer.made_of(first, stop)]])
+        taken[first:stop] = same and exact and not _file_of(folder, first, stop).exists()
+    if pieces.last is not None and taken.any():
+        for first, stop in runs(taken):
+            file = _file_of(folder, first, stop)
+            if not file.exists():
+                media.cut(video_file(pieces.last, codec), file, first, stop - first)
+    return taken
 
 
 def _pictures(
     composer: Composer,
     folder: Path,
+    taken: np.ndarray,
     settings: VideoSettings,
     progress: Progress,
 ) -> list[tuple[Path, Fraction]]:
-    """Encode the frames, then the card of credits: files with their lengths in seconds."""
+    """Encode the frames, then the card of credits: files with their lengths in seconds.
+
+    Args:
+        taken: see `_take_over`.
+    """
     rate, poses = composer.film.rate, composer.poses
     frames = len(poses)
 
@@ -199,8 +209,9 @@ def _pictures(
             jobs = ((own, *of, int(poses[k]), k) for k, (own, of) in enumerate(read, first))
             yield from in_order(composer.frame, jobs)
 
-    edges = segment_edges(frames)
-    parts = [(folder / f"{first:06d}{SUFFIX}", (stop - first) / rate) for first, stop in edges]
+    edges = [edge for edge in segment_edges(frames) if not taken[edge[0]]]
+    edges = sorted([*edges, *runs(taken)])
+    parts = [(_file_of(folder, first, stop), (stop - first) / rate) for first, stop in edges]
     missing = np.array([k for k, (part, _) in enumerate(parts) if not part.exists()], int)
     for run in np.split(missing, np.flatnonzero(np.diff(missing) > 1) + 1):
         if not len(run):

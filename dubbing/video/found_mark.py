@@ -19,21 +19,21 @@ MARKED_SECONDS = 20  # of the finished file that are searched for its mark, at m
 
 
 def found_before(
-    last: Path | None, taken: set[int], first: int, rate: Fraction
+    last: Path | None, taken: np.ndarray, first: int, rate: Fraction
 ) -> dict[str, Any] | None:
     """The last answer of `found_again`, if it looked at segments that were taken alone.
 
     Args:
-        last: see `make`. taken: numbers of the frames in segments that were taken.
+        last: see `make`. taken: frames (F,) bool of segments that were taken.
         first: frame at which it would begin.
     """
-    if last is None or not taken:
+    if last is None or not taken.any():
         return None
     with suppress(ExplainedError):
         before = json_records.read(last / PICTURE_FILE, dict[str, Any], "record").get("mark") or {}
         if before.get("found") and before.get("first") == first:
             stop = first + before["frames"] + 1 + round(APART * rate)  # of frames after them
-            if taken.issuperset(range(first, stop)):
+            if stop <= len(taken) and taken[first:stop].all():
                 return before
     return None
 

@@ -12,23 +12,21 @@ from dubbing.errors import RenderingError
 TOLERANCE = 1e-3  # seconds; Matroska counts whole milliseconds
 
 
-def as_before(result: Path, last: Path, taken: set[int], frames: int) -> np.ndarray:
+def as_before(result: Path, last: Path, taken: np.ndarray) -> np.ndarray:
     """Frames (F,) bool of a result that are coded as in the last one, which was verified.
 
     Args:
-        taken: frames of segments that were taken from it, each from a key frame up to the next.
-        frames: F.
+        taken: frames (F,) bool that were taken from it, each run from a key frame up to the next.
 
     Raises:
         MediaError: one of them cannot be read.
     """
-    same = np.zeros(frames, bool)
-    if taken and last.exists():
-        pairs = zip(media.coded_pictures(result), media.coded_pictures(last), strict=False)
-        for k, (made, before) in enumerate(pairs):
-            if k in taken and k < frames:
-                same[k] = made == before
-    return same
+    same = np.zeros_like(taken)
+    if taken.any() and last.exists():
+        pictures = zip(media.coded_pictures(result), media.coded_pictures(last), strict=False)
+        coded = [made == before for made, before in pictures][: len(taken)]
+        same[: len(coded)] = coded
+    return same & taken
 
 
 def verify(path: Path, frames: int, rate: Fraction, seen: np.ndarray | None = None) -> None:

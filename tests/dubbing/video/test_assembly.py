@@ -147,15 +147,21 @@ def test_what_became_of_the_faces_is_written_down(scene: Scene, tmp_path: Path) 
 def test_the_mark_is_looked_for_where_segments_were_made_again(tmp_path: Path) -> None:
     mark = {"first": 10, "found": True, "frames": 40}
     (tmp_path / "picture.json").write_text(json.dumps({"mark": mark}))
-    taken, rate = set(range(100)), Fraction(25)  # it read frames 10 to 50, and 3 after them
-    assert found_before(tmp_path, taken, 10, rate) == mark
-    assert found_before(tmp_path, taken - {9, 53}, 10, rate) == mark
-    assert found_before(tmp_path, taken - {52}, 10, rate) is None
-    assert found_before(tmp_path, taken - {10}, 10, rate) is None
-    assert found_before(tmp_path, taken, 11, rate) is None
-    assert found_before(None, set(), 10, rate) is None
+    rate = Fraction(25)
+
+    def but(*made: int) -> np.ndarray:
+        return ~np.isin(np.arange(100), made)
+
+    # It read frames 10 to 50, and 3 after them.
+    assert found_before(tmp_path, but(), 10, rate) == mark
+    assert found_before(tmp_path, but(9, 53), 10, rate) == mark
+    assert found_before(tmp_path, but(52), 10, rate) is None
+    assert found_before(tmp_path, but()[:52], 10, rate) is None
+    assert found_before(tmp_path, but(10), 10, rate) is None
+    assert found_before(tmp_path, but(), 11, rate) is None
+    assert found_before(None, but(), 10, rate) is None
     (tmp_path / "picture.json").write_text(json.dumps({"mark": {**mark, "found": False}}))
-    assert found_before(tmp_path, taken, 10, rate) is None
+    assert found_before(tmp_path, but(), 10, rate) is None
 
 
 def test_a_face_fades_with_its_shot_and_what_lies_over_it_is_listed(scene: Scene) -> None:

@@ -75,7 +75,14 @@ def test_what_did_not_change_is_taken_from_the_last_result(
     clip = PreparedClip.load(scene.prepared)
     read, settings = partial(read_heads, tmp_path / "heads"), VideoSettings(codec=codec)
     composed: list[int] = []
-    compose = composer.Composer.frame
+    compose, cut = composer.Composer.frame, media.cut
+    cuts = []
+
+    def noted(video: Path, out: Path, *span: int) -> None:
+        cuts.append(span)
+        cut(video, out, *span)
+
+    monkeypatch.setattr(media, "cut", noted)
 
     def counted(self: composer.Composer, *of: Any) -> Any:
         composed.append(of[-1])
@@ -102,6 +109,8 @@ def test_what_did_not_change_is_taken_from_the_last_result(
     assert sorted(composed) == [*range(10, 20)] if exact else [*range(28)]
     assert made("three", "abb", tmp_path / "two") == whole
     assert sorted(composed) == [*range(20, 28)] if exact else [*range(28)]
+    # What lies side by side is cut out at once.
+    assert cuts == ([(0, 10), (20, 8), (0, 20)] if exact else [])
 
 
 def test_frames_that_an_edit_leaves_to_the_film_are_the_films_own(tmp_path: Path) -> None:
