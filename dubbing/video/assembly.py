@@ -121,13 +121,15 @@ def make(
     own, seen = composer.untouched(), np.zeros(frames, bool)
     if last is not None:
         seen[: len(own)] = as_before(result, video_file(last, settings.codec), taken)
+    proven = proven and (out / MIXED).is_file() and bool(own.any())
+    settled = seen.copy()
+    settled[: len(own)] |= own & proven  # the comparison decodes these
+    verify(result, frames, rate, settled)
     proof = Proof(untouched=None, parts={})
-    if (out / MIXED).is_file() and proven and own.any():
+    if proven:
         progress("comparing with the film", 1.0)
         before = json_records.read_or(None, last / SCENE_FILE, Proof) if last else None
         proof = prove(film.clip, result, own, rate, SEGMENT, before, seen[: len(own)])
-        seen[: len(own)] |= own
-    verify(result, frames, rate, seen)
     picture: dict[str, Any] = {
         "own_pixels": composer.own_pixels(),
         "overlaid": composer.overlaid(),

@@ -31,6 +31,7 @@ from dubbing.video.heads import Heads
 from dubbing.video.own_pixels import ASKED, OVERLAID, OwnPixels, own_pixels, reach
 from dubbing.video.settings import VideoSettings
 from dubbing.video.turnover import Delivery
+from dubbing.video.verification import runs
 
 
 class Composer:
@@ -107,11 +108,7 @@ class Composer:
     def replaced(self) -> tuple[int, int]:
         """First and stop of the longest run of frames in which a face is replaced."""
         shown = np.max([share > 0 for share in self.shares.values()], 0, initial=False)
-        edges = np.flatnonzero(np.diff(shown, prepend=False, append=False)).reshape(-1, 2)
-        if not len(edges):
-            return 0, 0
-        first, stop = max(edges.tolist(), key=lambda run: run[1] - run[0])
-        return first, stop
+        return max(runs(shown), key=lambda run: run[1] - run[0], default=(0, 0))
 
     def made_of(self, first: int, stop: int) -> list[Any]:
         """Plain data on which frames first .. stop depend, beside film and settings."""

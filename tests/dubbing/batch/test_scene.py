@@ -312,6 +312,14 @@ def test_the_proof_of_what_stays_is_that_of_a_scene_made_anew(
     assert counted[0] < counted[1] == kept["untouched"]["frames"]
 
 
+def test_a_file_that_lacks_frames_is_refused(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    mux = media.mux
+    monkeypatch.setattr(media, "mux", lambda parts, *of, **more: mux(parts[:-1], *of, **more))
+    result, _ = dub(scene)
+    assert result.code != 0
+    assert f"frames instead of {FRAMES}" in str(result.outcomes)
+
+
 def add_clips(scene: Path) -> None:
     """Two more clips of Ann, in one of which nobody shows a face; a dub over each."""
     folder = scene.parent
