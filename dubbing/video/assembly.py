@@ -38,9 +38,10 @@ from dubbing.video.files import (
 from dubbing.video.found_mark import found_again, found_before
 from dubbing.video.heads import Heads
 from dubbing.video.settings import VideoSettings
+from dubbing.video.spans import spans
 from dubbing.video.turnover import CHECKED, Delivery
 from dubbing.video.untouched import Proof, prove
-from dubbing.video.verification import as_before, runs, verify
+from dubbing.video.verification import as_before, verify
 
 SEGMENT = 25  # frames a file: what is made again where one of them changes
 SUFFIX = ".mov"  # a container with exact time stamps and colours, to be joined without decoding
@@ -178,7 +179,7 @@ def _take_over(composer: Composer, folder: Path, pieces: Pieces, codec: str) -> 
         (same,) = pieces.same(f"{first:06d}", [[first, composer.made_of(first, stop)]])
         taken[first:stop] = same and exact and not _file_of(folder, first, stop).exists()
     if pieces.last is not None and taken.any():
-        for first, stop in runs(taken):
+        for first, stop in spans(taken):
             file = _file_of(folder, first, stop)
             if not file.exists():
                 media.cut(video_file(pieces.last, codec), file, first, stop - first)
@@ -212,7 +213,7 @@ def _pictures(
             yield from in_order(composer.frame, jobs)
 
     edges = [edge for edge in segment_edges(frames) if not taken[edge[0]]]
-    edges = sorted([*edges, *runs(taken)])
+    edges = sorted([*edges, *spans(taken)])
     parts = [(_file_of(folder, first, stop), (stop - first) / rate) for first, stop in edges]
     missing = np.array([k for k, (part, _) in enumerate(parts) if not part.exists()], int)
     for run in np.split(missing, np.flatnonzero(np.diff(missing) > 1) + 1):

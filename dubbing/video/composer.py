@@ -30,8 +30,8 @@ from dubbing.video.film import in_order, read_film, read_frames
 from dubbing.video.heads import Heads
 from dubbing.video.own_pixels import ASKED, OVERLAID, OwnPixels, own_pixels, reach
 from dubbing.video.settings import VideoSettings
+from dubbing.video.spans import spans
 from dubbing.video.turnover import Delivery
-from dubbing.video.verification import runs
 
 
 class Composer:
@@ -108,7 +108,7 @@ class Composer:
     def replaced(self) -> tuple[int, int]:
         """First and stop of the longest run of frames in which a face is replaced."""
         shown = np.max([share > 0 for share in self.shares.values()], 0, initial=False)
-        return max(runs(shown), key=lambda run: run[1] - run[0], default=(0, 0))
+        return max(spans(shown), key=lambda run: run[1] - run[0], default=(0, 0))
 
     def made_of(self, first: int, stop: int) -> list[Any]:
         """Plain data on which frames first .. stop depend, beside film and settings."""

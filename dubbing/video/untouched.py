@@ -12,7 +12,7 @@ import numpy as np
 from typing_extensions import TypedDict
 
 from dubbing import media
-from dubbing.video.verification import runs
+from dubbing.video.spans import spans
 
 
 class Part(TypedDict):
@@ -119,7 +119,7 @@ def _compared(
     """Both decoded where frames ``own`` are the film's: what each segment holds of them."""
     sums: dict[str, _Sums] = {}
     pixels = media.probe(film).pixels
-    for first, stop in runs(own):
+    for first, stop in spans(own):
         count = stop - first
         pictures = zip(
             media.read_planes(film, start=first, count=count, rate=rate),

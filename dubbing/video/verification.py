@@ -1,6 +1,5 @@
 """The last check of a finished video: what is new in it is decoded."""
 
-from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
 
@@ -8,6 +7,7 @@ import numpy as np
 
 from dubbing import media
 from dubbing.errors import RenderingError
+from dubbing.video.spans import spans
 
 TOLERANCE = 1e-3  # seconds; Matroska counts whole milliseconds
 
@@ -44,8 +44,8 @@ def verify(path: Path, frames: int, rate: Fraction, seen: np.ndarray | None = No
         found = media.count_frames(path)
     else:
         found = len(media.coded_pictures(path))
-        for first, stop in runs(~seen) if found == frames else ():
-            found -= stop - first - media.count_frames(path, first, stop, rate)
+        for first, stop in spans(~seen) if found == frames else ():
+            found -= stop - first - media.count_frames(path, first, stop)
     if found != frames:
         raise RenderingError(f"the file holds {found} frames instead of {frames}", path.name)
     if info.rate != rate:
@@ -53,9 +53,3 @@ def verify(path: Path, frames: int, rate: Fraction, seen: np.ndarray | None = No
     if abs(info.video_start - info.audio_start) > TOLERANCE:
         late = 1000 * (info.audio_start - info.video_start)
         raise RenderingError(f"the sound begins {late:.1f} ms after the picture", path.name)
-
-
-def runs(chosen: np.ndarray) -> Iterator[tuple[int, int]]:
-    """First and stop of each run of chosen frames (F,) bool."""
-    edges = np.flatnonzero(np.diff(chosen, prepend=False, append=False)).reshape(-1, 2)
-    yield from ((int(first), int(stop)) for first, stop in edges)

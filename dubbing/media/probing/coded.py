@@ -8,6 +8,7 @@ import av
 
 from dubbing.errors import MediaError
 from dubbing.media.opening.opening import opened
+from dubbing.media.probing.probing import probe
 
 
 def coded_pictures(path: Path | str) -> list[str]:
@@ -35,13 +36,10 @@ def coded_pictures(path: Path | str) -> list[str]:
         raise MediaError("cannot be read", str(path), str(error)) from error
 
 
-def count_frames(
-    path: Path | str, first: int = 0, stop: int | None = None, rate: Fraction | None = None
-) -> int:
+def count_frames(path: Path | str, first: int = 0, stop: int | None = None) -> int:
     """Count the frames of a video by decoding every one, or those of first .. stop.
 
-    Args:
-        rate: frames a second, by which these are counted; the first one begins at its start.
+    Where not all are counted, the video must have a constant rate.
 
     Raises:
         MediaError: it cannot be decoded.
@@ -50,9 +48,9 @@ def count_frames(
         with opened(path) as container:
             stream = container.streams.video[0]
             stream.thread_type = "AUTO"
-            if stop is None or rate is None or stream.time_base is None:
+            if stop is None or stream.time_base is None:
                 return sum(1 for _ in container.decode(stream))
-            zero, frame = stream.start_time or 0, 1 / (rate * stream.time_base)
+            zero, frame = stream.start_time or 0, 1 / (probe(path).rate * stream.time_base)
             if first:
                 container.seek(zero + round((first + Fraction(1, 4)) * frame), stream=stream)
             count = 0

@@ -100,6 +100,8 @@ def test_what_is_coded_as_before_need_not_be_decoded(tmp_path: Path) -> None:
     verify(last, FRAMES, RATE, same)
     with pytest.raises(RenderingError, match="38 frames instead of 39"):
         verify(last, FRAMES + 1, RATE, np.append(same, False))
+    with pytest.raises(RenderingError, match="runs at 25 instead of 24"):
+        verify(last, FRAMES, Fraction(24), same)
 
 
 def test_what_is_new_is_decoded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
