@@ -1,12 +1,15 @@
 """Is a film one that can be dubbed: its pictures, its colour space, and what is made of it?"""
 
+from collections.abc import Callable
+from pathlib import Path
+
 from dubbing.engine.disk.numbered import numbered, plain
 from dubbing.errors import MediaError
 from dubbing.manifest.keys.entries import Dub, Identity
 from dubbing.manifest.keys.findings import Findings, Scene
 from dubbing.manifest.keys.yaml_lines import KeyPath
 from dubbing.media import MediaInfo
-from dubbing.media.probing.fields import looks_interlaced
+from dubbing.media.probing.fields import is_flagged, looks_interlaced
 from dubbing.media.properties.film_values import space_of
 
 
@@ -45,10 +48,10 @@ def of_picture(findings: Findings, name: str, info: MediaInfo, at: KeyPath) -> N
     if picture.dynamic:
         what = f"{', '.join(picture.dynamic)} of {file}"
         findings.warn(f"identities.{name}: {what} is not in the results; make it anew of them")
-    if picture.interlaced:
+    if not numbered(info.path) and _seen(is_flagged, info):
         message = f"{plain(info.path)} is interlaced: its frames are two moments each"
         findings.add(at, f"{message}; deinterlace it first")
-    elif _looks_interlaced(info):
+    elif _seen(looks_interlaced, info):
         findings.warn(
             f"identities.{name}: {file} looks interlaced, though nothing in it says so:"
             " deinterlace it first if moving edges are combs"
@@ -65,9 +68,9 @@ def of_picture(findings: Findings, name: str, info: MediaInfo, at: KeyPath) -> N
         )
 
 
-def _looks_interlaced(info: MediaInfo) -> bool:
+def _seen(what: Callable[[Path], bool], info: MediaInfo) -> bool:
     try:
-        return looks_interlaced(info.path)
+        return what(info.path)
     except MediaError:
         return False  # decoding it later reports why
 

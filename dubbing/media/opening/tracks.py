@@ -1,4 +1,4 @@
-"""Chooses the audio tracks to read: the default one, or mono tracks that belong together."""
+"""Chooses the tracks to read: of sound the default one, or mono tracks that belong together."""
 
 import re
 from collections.abc import Sequence
@@ -14,6 +14,11 @@ OTHER = (
 )
 OTHER_TITLE = re.compile(r"comment|descri|director|music|effect|m\s*&\s*e|isolated", re.IGNORECASE)
 Track = av.audio.stream.AudioStream
+
+
+def pictures(container: av.container.InputContainer) -> list[av.video.stream.VideoStream]:
+    """The video tracks, of which the first is read; a picture of a cover is none."""
+    return [s for s in container.streams.video if not s.disposition & Kind.attached_pic]
 
 
 def heard_tracks(tracks: Sequence[Track]) -> list[Track]:

@@ -12,6 +12,7 @@ import numpy as np
 from dubbing.engine.disk.unchanged import while_unchanged
 from dubbing.errors import MediaError
 from dubbing.media.opening.opening import opened
+from dubbing.media.opening.tracks import pictures
 
 # Frames whose flags are read: so many pixels in all, within bounds.
 PIXELS, MIN_FRAMES, MAX_FRAMES = 24 * 1920 * 1080, 8, 48
@@ -24,27 +25,33 @@ UNKNOWN, PROGRESSIVE, TOP_FIRST, BOTTOM_FIRST = range(4)
 Video = av.video.stream.VideoStream
 
 
-def is_flagged(path: Path, index: int, keys: Sequence[int], pixels: int) -> bool:
+@while_unchanged(1024, kept=bool)
+def is_flagged(path: Path) -> bool:
     """Whether any frame of a video is flagged as interlaced.
 
-    Args:
-        index: of its stream.
-        keys: time stamps of its key frames.
-        pixels: of a frame.
+    Raises:
+        MediaError: it cannot be read.
     """
-    count = min(max(PIXELS // pixels, MIN_FRAMES), MAX_FRAMES)
-    with opened(path) as container:
-        video = container.streams[index]
-        assert isinstance(video, Video)
-        for key in _spread(keys, count):
-            with suppress(av.FFmpegError):  # damage is reported when the frames are read
-                container.seek(key, stream=video)
-                packet = next((p for p in container.demux(video) if p.is_keyframe), None)
-                # Drained, the decoder does not wait for frames to come.
-                frames = packet.decode() or video.decode(None) if packet is not None else []
-                if any(isinstance(f, av.VideoFrame) and f.interlaced_frame for f in frames):
-                    return True
-    return False
+    try:
+        with opened(path) as container:
+            return any(frame.interlaced_frame for frame in _key_frames(container))
+    except (av.FFmpegError, IndexError) as error:
+        raise MediaError("cannot be decoded", str(path), str(error)) from error
+
+
+def _key_frames(container: av.container.InputContainer) -> Iterator[av.VideoFrame]:
+    """Key frames all over a video, as many as `PIXELS` says; the first where none has a time."""
+    video = pictures(container)[0]
+    packets = container.demux(video)
+    keys = [p.pts for p in packets if p.is_keyframe and p.pts is not None and not p.is_discard]
+    count = PIXELS // max(1, video.width * video.height)
+    for key in _spread(keys or [video.start_time or 0], min(max(count, MIN_FRAMES), MAX_FRAMES)):
+        with suppress(av.FFmpegError):  # damage is reported when the frames are read
+            container.seek(key, stream=video)
+            packet = next((p for p in container.demux(video) if p.is_keyframe), None)
+            # Drained, the decoder does not wait for frames to come.
+            frames = packet.decode() or video.decode(None) if packet is not None else []
+            yield from (frame for frame in frames if isinstance(frame, av.VideoFrame))
 
 
 @while_unchanged(1024, kept=bool)
@@ -57,7 +64,7 @@ def looks_interlaced(path: Path) -> bool:
     orders: Counter[int] = Counter()
     try:
         with opened(path) as container:
-            video = container.streams.video[0]
+            video = pictures(container)[0]
             begin, length = container.start_time or 0, container.duration or 0
             for place in range(PLACES):
                 container.seek(begin + length * place // PLACES)

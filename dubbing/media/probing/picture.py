@@ -6,7 +6,6 @@ import av
 
 from dubbing.errors import MediaError
 from dubbing.media.opening.opening import opened
-from dubbing.media.probing.fields import is_flagged
 from dubbing.media.properties.colour import colour_of, dynamic_metadata
 from dubbing.media.properties.info import Picture
 from dubbing.media.properties.native import PixelFormat
@@ -15,15 +14,10 @@ SHORTEST, LONGEST, SLIMMEST = 16, 16384, 10  # px, px, and one side over the oth
 AVI = "avi"  # it has times of decoding alone: a frame for each, in their order
 
 
-def picture_of(
-    path: Path, video: av.video.stream.VideoStream, keys: list[int]
-) -> tuple[Picture, float]:
-    """Properties of the picture, from the first frame; and whether any frame is interlaced.
+def picture_of(path: Path, video: av.video.stream.VideoStream) -> tuple[Picture, float]:
+    """Properties of the picture, from the first frame.
 
     And by how many seconds decoded frames have their times late: see `MediaInfo.late`.
-
-    Args:
-        keys: time stamps of its key frames.
 
     Raises:
         MediaError: no frame can be decoded, or its shape is unusual.
@@ -50,13 +44,11 @@ def picture_of(
             what += f", {frame.width}x{frame.height} px as stored"
         bounds = f"{SHORTEST} to {LONGEST} px a side, one at most {SLIMMEST} times the other"
         raise MediaError(what, str(path), f"use a video of {bounds}")
-    pixels = frame.width * frame.height
     waited = (frame.dts or 0) - (video.start_time or 0) if container.format.name == AVI else 0
     picture = Picture(
         width,
         height,
         colour_of(frame),
-        interlaced=bool(frame.interlaced_frame) or is_flagged(path, video.index, keys, pixels),
         square=not aspect or aspect == 1,
         pixels=PixelFormat.holding(frame.format.name),
         dynamic=dynamic_metadata(frame),

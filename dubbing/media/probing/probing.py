@@ -15,7 +15,7 @@ from dubbing.engine.disk.numbered import numbered, options_of, plain
 from dubbing.engine.disk.unchanged import while_unchanged
 from dubbing.errors import MediaError
 from dubbing.media.opening.opening import opened
-from dubbing.media.opening.tracks import Track, heard_tracks
+from dubbing.media.opening.tracks import Track, heard_tracks, pictures
 from dubbing.media.probing.picture import AVI, picture_of
 from dubbing.media.probing.timecode_track import timecode_of
 from dubbing.media.probing.whole import check_frames, check_whole
@@ -26,7 +26,6 @@ from dubbing.media.sequences import sequence
 
 FLOATS = {"pcm_f32le": "<f4", "pcm_f32be": ">f4", "pcm_f64le": "<f8", "pcm_f64be": ">f8"}
 LOUDEST = 1e6  # 1 is full scale; the AAC encoder fails from about 1e10
-ATTACHED_PICTURE = av.stream.Disposition.attached_pic
 
 
 def probe(path: Path | str) -> MediaInfo:
@@ -57,8 +56,8 @@ def _probe(path: Path) -> MediaInfo:
 
 
 def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
-    pictures = [s for s in container.streams.video if not s.disposition & ATTACHED_PICTURE]
-    video = next(iter(pictures), None)
+    videos = pictures(container)
+    video = next(iter(videos), None)
     tracks = list(container.streams.audio)
     heard = heard_tracks(tracks)
     if video is None and not heard:
@@ -77,7 +76,7 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
     check_whole(path, container, told, packets.pictures, packets.times, packets.last - zero)
     if video is not None:
         check_frames(path, packets.pictures, packets.untimed, packets.times)
-        picture, late = picture_of(path, video, packets.keys)
+        picture, late = picture_of(path, video)
         width, height = picture.width, picture.height
         times = sorted(packets.times)
         hints = [r for r in (video.average_rate, video.guessed_rate) if r]
@@ -108,7 +107,7 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
         timecode_count=count,
         audio_tracks=tuple(tracks.index(track) for track in heard),
         unheard_tracks=len(tracks) - len(heard),
-        unseen_tracks=max(0, len(pictures) - 1),
+        unseen_tracks=max(0, len(videos) - 1),
         centre=_centre(heard),
         peak=packets.peak,
         late=late,
@@ -131,7 +130,6 @@ class _Packets:
         peak: of samples in floating point; see `MediaInfo.peak`.
         pictures, untimed: packets with a frame, and those of them without a time stamp.
         times: of the frames.
-        keys: time stamps of the key frames.
     """
 
     pictures: int = 0
@@ -139,7 +137,6 @@ class _Packets:
     peak: float = 0.0
     untimed: int = 0
     times: list[float] = field(default_factory=list)
-    keys: list[int] = field(default_factory=list)
     starts: dict[str, float] = field(default_factory=dict)
     ends: dict[str, float] = field(default_factory=lambda: {"video": 0.0, "audio": 0.0})
 
@@ -174,7 +171,6 @@ def _visit(
         packets.ends[kind] = max(packets.ends[kind], end)
         if kind == "video":
             packets.times.append(at)
-            packets.keys += [packet.pts] if packet.is_keyframe else []
     return packets
 
 

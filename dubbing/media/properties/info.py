@@ -18,7 +18,6 @@ class Picture:
 
     Attributes:
         width, height: displayed pixels, after rotation and with square pixels.
-        interlaced: whether a frame holds two fields.
         square: whether its pixels are square.
         pixels: the planar format that holds its values.
         dynamic: what its first frame has of dynamic metadata, in words; it is not kept.
@@ -27,7 +26,6 @@ class Picture:
     width: int
     height: int
     colour: Colour
-    interlaced: bool = False
     square: bool = True
     pixels: PixelFormat = YUV420
     dynamic: tuple[str, ...] = ()
