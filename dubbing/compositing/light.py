@@ -11,10 +11,13 @@ import numpy as np
 
 from dubbing.face.mouth.lip_region import lip_region
 from dubbing.preparation.background.pixels import around, extent
+from dubbing.preparation.covering.light import shade
 from dubbing.preparation.matting.matting import REFERENCE_SIZE, dilate
 
 STEP = 4  # px between places where the ratio is measured
 SMOOTH = 36.0  # px, Gaussian: faster variation is skin, not light
+SHADOWS = 36.0, 16.0  # px, Gaussian: of shadows that fall on a part of the face, their edges
+DEEP = 0.12  # of a logarithm: a face has no smaller shadows that are not its own
 MOUTH = 14.0  # px round the film's lips, which move with other words
 HAZE, OPAQUE = 16, 250  # of 255; a head with no more than the first is haze
 DARK = 4.0  # grey levels added before the ratio is taken: black has none
@@ -74,6 +77,9 @@ def follow_light(
         for x in (weight, weight * (ratio - middle))
     )
     slow = middle + apart / (near + PRIOR_WEIGHT)
+    for reach in SHADOWS:
+        cast = shade(ratio - slow, share[..., 0], reach * unit / STEP, PRIOR_WEIGHT)
+        slow += cast * np.clip(np.abs(cast.mean(-1, keepdims=True)) / DEEP - 1, 0, 1)
     side = same.shape[::-1]
     gain = cv2.resize(np.exp(slow).astype(np.float32), side, interpolation=cv2.INTER_LINEAR)
     out = head.copy()

@@ -26,6 +26,7 @@ from dubbing.face.mouth.lip_region import lip_region
 from dubbing.identity.dataset import lip_points, upper_face_expression
 from dubbing.media import read_frames
 from dubbing.preparation.covering import usual_colours
+from dubbing.preparation.covering.light import shade
 from dubbing.preparation.matting.matting import dilate
 from dubbing.preparation.prepared import MATTE, PreparedClip
 from dubbing.preparation.tracking import cropping
@@ -36,6 +37,7 @@ EYES_AT = 8.0  # px below its upper edge
 DARK = 12.0  # grey levels added before a logarithm is taken: noise of dark colours counts less
 OPAQUE = 0.9  # opacity from which the head is compared
 LIGHT = 9.0  # px, Gaussian: what varies more slowly is light
+SHADE = 4.0  # px, Gaussian: the same of light that changes all channels alike
 OUTLIER = 0.25  # of a logarithm: a place that far off says little about the light
 LIPS = 0.04  # eye distances round the lips where words decide what is seen
 RIM = 5  # px round the face that are rendered
@@ -105,7 +107,9 @@ def compare(
         cv2.GaussianBlur(x.astype(np.float32), (0, 0), LIGHT)
         for x in (weight[..., None] * (ratio - middle), weight)
     )
-    apart = np.abs(ratio - middle - light / (around[..., None] + 0.02)).max(-1) * solid
+    rest = ratio - middle - light / (around[..., None] + 0.02)
+    rest -= shade(rest, solid & ~lips, SHADE)
+    apart = np.abs(rest).max(-1) * solid
     beside = solid & ~lips
     return Compared(picture, apart.astype(np.float32), beside & lower, lips & lower, beside)
 

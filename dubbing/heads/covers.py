@@ -87,11 +87,10 @@ def find_covers(
         The clip with these masks, and better poses of frames in which something hides the face.
     """
     over: dict[int, Cover] = {}
-    hidden: set[int] = set()
     clip = replace(clip, jaw=np.zeros((len(clip), len(ANGLES)), np.float32))
     if method_of(model).refines_poses:
         with torch.no_grad():
-            clip, over, hidden = _covers(model, maps, clip, progress)
+            clip, over = _covers(model, maps, clip, progress)
     shows = clip.over.copy()
     shows[list(over)] = True
     with VideoWriter(out / COVERS_FILE, clip.size, clip.size, clip.rate, "ffv1-gray") as video:
@@ -104,25 +103,24 @@ def find_covers(
             video.write(mask)
         if not shows.any():
             video.write(np.zeros((clip.size,) * 2, np.uint8))
-    every = np.arange(len(clip))
-    covered = (clip.covered & ~np.isin(every, list(over))) | np.isin(every, list(hidden))
     with atomic_path(out / COVERED_FILE) as temporary:
         np.savez(
             temporary,
             over=shows,
-            covered=covered,
+            covered=clip.covered,
             landmarks=clip.landmarks,
             jaw=np.asarray(clip.jaw),
         )
-    return replace(clip, overlay=out / COVERS_FILE, over=shows, covered=covered)
+    return replace(clip, overlay=out / COVERS_FILE, over=shows)
 
 
 def _covers(
     model: HeadModel, maps: Maps | None, clip: PreparedClip, progress: Progress
-) -> tuple[PreparedClip, dict[int, Cover], set[int]]:
+) -> tuple[PreparedClip, dict[int, Cover]]:
     """The clip with better poses; what lies over the face, by frame.
 
-    And frames in which something does that cannot be told from the face.
+    Of the frames in which the head is known those are covered in which something lies over the
+    face that cannot be told from it.
     """
     method = method_of(model)
     over: dict[int, Cover] = {}
@@ -130,6 +128,7 @@ def _covers(
     jaw = np.zeros((len(clip), len(ANGLES)), np.float32)
     # From where it was never seen, a head explains nothing.
     known = (trust(torch.from_numpy(clip.c2w()).float(), maps) > 0).numpy()
+    covered = clip.covered & ~(clip.valid & known)
     shots = np.unique(clip.segment[clip.valid])
     for number, shot in enumerate(shots):
         progress(f"what lies over the face, shot {number + 1} of {len(shots)}", number / len(shots))
@@ -165,8 +164,8 @@ def _covers(
                     over[t] = cover
                 elif is_large(seen, sure & unexplained(seen, usual)) or t in awry:
                     hidden.add(t)
-    clip = replace(clip, jaw=jaw)
-    return clip, over, lasting(hidden, BRIEF * float(clip.rate))
+    covered[list(lasting(hidden, BRIEF * float(clip.rate)))] = True
+    return replace(clip, jaw=jaw, covered=covered), over
 
 
 def told_apart(

@@ -12,6 +12,8 @@ import numpy as np
 
 from dubbing.face.mesh_points import LEFT_EYE_AND_BROW, RIGHT_EYE_AND_BROW
 
+TINT = 0.13  # of a logarithm by which channels change differently: more is no light
+LEAST_AROUND = 0.2
 BLUR = 0.012  # of the face's width: landmarks jitter by that much
 ROUNDS = 8  # of iteratively reweighted least squares
 HUBER = 1.5  # deviations from which on a point counts less: lids close, hair falls
@@ -93,12 +95,32 @@ def light_of(sight: Sight, usual: np.ndarray, still: np.ndarray) -> Light:
         left = np.abs(own - gain * of - offset)
         middle_left = np.nanmedian(np.where(seen, left, np.nan), 1, keepdims=True)
         weight = seen / np.maximum(1, left / (HUBER * np.maximum(1.4826 * middle_left, 1.0)))
-    offset = np.minimum(offset, sight.dark[:, None])
+    offset = np.clip(offset, 0, sight.dark[:, None])  # nothing takes light away from an image
     counted = offset * np.clip((np.abs(offset) - HAZE_FROM) / (HAZE_FULL - HAZE_FROM), 0, 1)
     known = (HAZE_UNKNOWN - sight.turn) / (HAZE_UNKNOWN - HAZE_KNOWN)
     counted *= np.clip(known, 0, 1)[:, None, None]
     gain = (middle - counted) / np.maximum(middle_of, 1.0)
     return Light(np.maximum(gain[:, 0], LEAST_GAIN), counted[:, 0])
+
+
+def shade(
+    ratio: np.ndarray, where: np.ndarray, reach: float, least: float = LEAST_AROUND
+) -> np.ndarray:
+    """Light that varies over a face, a logarithm (H, W, 3): what shadows and lamps do to colours.
+
+    They change all channels nearly alike. Where these change differently, something else is seen,
+    and the light is that of the places around.
+
+    Args:
+        ratio: (H, W, 3) logarithm of colours over those that are usual there.
+        where: (H, W), share of a place that is known. reach: px, Gaussian; it varies more slowly.
+        least: share of the places around that are known, below which it fades.
+    """
+    tint = np.abs(ratio - ratio.mean(-1, keepdims=True)).max(-1)
+    weight = (where / (1 + (tint / TINT) ** 4)).astype(np.float32)
+    parts = cv2.multiply(ratio.astype(np.float32), cv2.merge((weight,) * 3)), weight
+    slow, around = (cv2.GaussianBlur(part, (0, 0), reach) for part in parts)
+    return np.asarray(slow / (around + least)[..., None])
 
 
 def coarse_gain(level: np.ndarray, usual: np.ndarray) -> np.ndarray:

@@ -126,8 +126,9 @@ class Overlay:
         points = self.points[t][:, :2] @ turn[:, :2].T + turn[:, 2]
         image = upright(self.crops[t], self.points[t])
         inside, lips = inside_face(points), mouth(points, EYES, image.shape[:2])
-        beyond = usual.beyond(self._colours(t, image), inside) > BEYOND
-        beyond &= inside & ~lips
+        bare = inside & ~lips
+        lit = usual.evenly_lit(self._colours(t, image), bare)
+        beyond = (usual.beyond(lit, inside) > BEYOND) & bare
         beyond[: max(0, round(float(points[NOSE_BASE, 1])))] = False
         _, piece, stats, _ = cv2.connectedComponentsWithStats(beyond.astype(np.uint8))
         large = np.flatnonzero(stats[1:, cv2.CC_STAT_AREA] >= LEAST_AREA * EYES**2) + 1
@@ -135,7 +136,7 @@ class Overlay:
         if not unusual.any():
             return None
         colours = ycc(image[unusual])
-        other = usual.from_skin(self._colours(t, image[unusual])) > 0
+        other = usual.from_skin(lit[unusual]) > 0
         if other.mean() < LEAST_SHARE:
             return None
         place = np.argwhere(unusual)[:, ::-1] - turn[:, 2]

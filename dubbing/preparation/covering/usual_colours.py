@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 
 from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_OUTER, RIGHT_EYE_OUTER
+from dubbing.preparation.covering.light import shade
 
 EYES = 56.0  # px
 W, H = 176, 160
@@ -24,6 +25,8 @@ LEAST_SPREAD, MOST_SPREAD = 4.0, 15.0  # levels; occlusions often increase the s
 MARGIN = np.array([12.0, 8.0, 8.0])  # levels beyond most colours of skin
 STILL, UNCHANGED = 10.0, 25.0  # levels: spread of a static place, and distance from its median
 SHADOW = 0.5  # of the darkest skin: places that mostly show skin are not darker
+DARK = 8.0  # levels added before a logarithm: noise of dark colours counts less
+SHADE = 8.0  # px, Gaussian: light varies more slowly
 INSIDE = 0.03  # eye distances from the outline of the face
 
 
@@ -72,6 +75,17 @@ class UsualColours:
         away = np.maximum(np.maximum(face - high, low - face), 0)
         return np.asarray(np.maximum(away[..., 0], 2 * away[..., 1:].max(-1)))
 
+    def evenly_lit(self, face: np.ndarray, known: np.ndarray) -> np.ndarray:
+        """Colours (H, W, 3) in the frame of the face without the shadows that fall on it.
+
+        Args:
+            known: (H, W) bool, where usual colours are to be expected.
+        """
+        own, usual = (rgb_of(colours) for colours in (face, self.middle))
+        ratio = np.log(np.maximum(own, 0) + DARK) - np.log(np.maximum(usual, 0) + DARK)
+        own *= np.exp(-shade(ratio, known, SHADE))
+        return np.asarray(cv2.cvtColor(own / 255, cv2.COLOR_RGB2YCrCb) * 255)
+
     def from_skin(self, colours: np.ndarray) -> np.ndarray:
         """Distance of colours (..., 3) from those of skin, levels (...)."""
         away = np.maximum(np.maximum(colours - self.skin_high, self.skin_low - colours), 0)
@@ -115,6 +129,12 @@ def in_usual_light(image: np.ndarray, gain: np.ndarray, offset: np.ndarray) -> n
     shape = unlit.shape
     flat = unlit.reshape(1, -1, 3) / 255
     return np.asarray(cv2.cvtColor(flat, cv2.COLOR_RGB2YCrCb).reshape(shape) * 255)
+
+
+def rgb_of(colours: np.ndarray) -> np.ndarray:
+    """Colours (H, W, 3) Y, Cr, Cb as RGB, 0..255, float32."""
+    scaled = (colours / 255).astype(np.float32)
+    return np.asarray(cv2.cvtColor(scaled, cv2.COLOR_YCrCb2RGB) * 255)
 
 
 def inside_face(points: np.ndarray) -> np.ndarray:

@@ -5,11 +5,13 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from dubbing.workshop.true_dubs.scenes import FRAMES, RATE, Look
+from dubbing.workshop.synthetic.anatomy.mesh import smoothstep
+from dubbing.workshop.true_dubs.scenes import DUBBED, FRAMES, LEARNED, RATE, Look
 
 UNIT = 320  # px, the side that lengths of a look are given for
 GAMMA = 2.2
 GRAIN_SIGMA = 0.6  # px: grain is a little larger than a pixel
+BAND, SOFT = 0.45, 0.08  # of the picture's width: a band of shadow, and half of its edge
 SHAKES_S = 0.24  # seconds, Gaussian
 
 
@@ -35,15 +37,26 @@ class CameraLook:
         return np.clip(out.round(), 0, 255).astype(np.uint8)
 
     def lit(self, image: np.ndarray, t: int) -> np.ndarray:
-        """The frame under the lamp as it burns at that time: it is at the right, and warm."""
-        if not self.look.flicker:
+        """The frame under the lamp as it burns at that time: it is at the right, and warm.
+
+        With the shadow or the beam that passes over it.
+        """
+        if not (self.look.flicker or self.look.band):
             return image
         seconds = t / RATE
         burns = np.sin(2 * np.pi * 1.7 * seconds) * np.sin(2 * np.pi * 0.45 * seconds + 0.4)
         across = np.linspace(0.35, 1, image.shape[1], dtype=np.float32)[None, :, None]
         colour = np.array([1.0, 0.85, 0.6], np.float32)
         gain = 1 + self.look.flicker * float(burns) * across * colour
+        gain = gain * (1 - self.look.band * self.shadow(t, image.shape[1])[None, :, None])
         return 255 * (np.clip(gain * (image / 255) ** GAMMA, 0, 1) ** (1 / GAMMA))
+
+    def shadow(self, t: int, width: int) -> np.ndarray:
+        """How deep columns (width,) are in the band of shadow, 0..1, which comes from the left."""
+        share = (t / RATE - LEARNED) / DUBBED
+        front = share * (1 + BAND + 2 * SOFT) - SOFT
+        behind = front - np.linspace(0, 1, width)
+        return np.asarray(smoothstep(-SOFT, SOFT, behind) - smoothstep(-SOFT, SOFT, behind - BAND))
 
     def framed(self, image: np.ndarray, t: int) -> np.ndarray:
         """The frame as a camera sees it that is moved, zooms, or has fewer pixels."""

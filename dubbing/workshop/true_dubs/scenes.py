@@ -22,6 +22,8 @@ class Look:
 
     Attributes:
         flicker: the lamp's change, as a share of its light.
+        band: the share of its light that a band of shadow takes, as it passes over the picture
+            while it is dubbed; below 0 it is a beam, and adds.
         shake: px that a hand-held camera strays, at 320 px.
         zoom: how much larger the film is at its end.
         defocus: px, Gaussian, at 320 px.
@@ -32,6 +34,7 @@ class Look:
     """
 
     flicker: float = 0.0
+    band: float = 0.0
     shake: float = 0.0
     zoom: float = 1.0
     defocus: float = 0.0
@@ -91,6 +94,8 @@ SCENES = (
     Scene("passer-by", before="passer-by"),
     Scene("side-light", light="side"),
     Scene("flicker", look=Look(flicker=0.35)),
+    Scene("shadow", look=Look(band=0.88)),
+    Scene("beam", look=Look(band=-1.6)),
     Scene("hand-held", look=Look(shake=4.0)),
     Scene("zoom", look=Look(zoom=1.35)),
     Scene("defocus", look=Look(defocus=1.6)),

@@ -67,6 +67,17 @@ def test_a_head_has_the_light_of_the_film(light: np.ndarray) -> None:
     assert away.mean() < 1.5
 
 
+@pytest.mark.parametrize("edge", [-25, 25])
+def test_a_shadow_that_falls_on_a_part_of_the_face_falls_on_its_mouth(edge: int) -> None:
+    columns = np.arange(S) - S / 2
+    light = (1 - 0.6 / (1 + np.exp((columns - edge) / 6)))[:, None] * np.ones(3)
+    made = follow(skin(mouth=30) * light, skin(mouth=90))
+    expected = np.clip(skin(mouth=90) * light, 0, 255)
+    away = np.abs(made[..., :3].astype(float) - expected)[INNER]
+    assert away.mean() < 5.5
+    assert np.percentile(away, 95) < 20
+
+
 def test_in_a_fade_to_white_the_mouth_pales_as_the_face_does() -> None:
     white = 0.6
     haze = np.full(3, 255 * white)

@@ -10,10 +10,19 @@ from typing import Any, cast
 import cv2
 import numpy as np
 import pytest
+import torch
 
 from dfrf.method_interface import Method
 from dubbing.heads import covers
-from dubbing.heads.comparison import Compared, H, W, is_awry, to_face, usual_difference
+from dubbing.heads.comparison import (
+    Compared,
+    H,
+    W,
+    compare,
+    is_awry,
+    to_face,
+    usual_difference,
+)
 from dubbing.heads.cover_cut import (
     followed,
     is_large,
@@ -50,6 +59,13 @@ def face(thing: tuple[slice, slice] | None = None, noise: int = 0) -> Compared:
     return Compared(picture, apart.astype(np.float32), FACE & ~LIPS, LIPS, FACE & ~LIPS)
 
 
+def film(folder: Path, frames: int) -> PreparedClip:
+    with VideoWriter(folder / "clip.mkv", 48, 40, Fraction(25), "ffv1") as writer:
+        for _ in range(frames):
+            writer.write(np.zeros((40, 48, 3), np.uint8))
+    return fakes.write_prepared(folder / "clip.mkv", folder)
+
+
 USUAL = np.full((H, W), 0.03, np.float32)
 OBJECT = np.s_[50:80, 36:48]  # over the chin, the lower lip, and beyond the face
 
@@ -63,6 +79,46 @@ def overlap(found: np.ndarray, thing: tuple[slice, slice]) -> float:
 def test_nothing_lies_over_a_face_that_speaks() -> None:
     assert not unexplained(face(), USUAL).any()
     assert not is_awry(face(), USUAL)
+
+
+@pytest.mark.parametrize("edge", [6.0, 12.0])
+def test_a_shadow_on_a_part_of_a_face_is_no_thing(edge: float) -> None:
+    size = 256
+    columns = np.arange(size) - size / 2
+    head = np.full((size, size, 3), SKIN, np.float32) / 255
+    dark = 1 / (1 + np.exp(-np.clip(columns / edge, -30, 30)))
+    image = (255 * head * (1 - dark[:, None] * (0.62, 0.6, 0.57))).round().astype(np.uint8)
+
+    def found(film: np.ndarray) -> int:
+        seen = compare(film, fakes.talking_face(size), head, np.ones((size, size), np.float32))
+        return int(unexplained(seen, np.zeros((H, W), np.float32)).sum())
+
+    thing = image.copy()
+    cv2.circle(thing, (size // 2 - 25, 180), 14, DARK, -1)  # 66 px of the frame of the face
+    assert found(image) < 10
+    assert found(thing) > 50
+
+
+def test_what_the_head_explains_is_not_covered(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where the head is not known, a lower face of unusual colours stays covered."""
+
+    class Explained:
+        def __init__(self, *_: object) -> None:
+            pass
+
+        def look(self, frames: np.ndarray) -> list[Compared]:
+            return [face() for _ in frames]
+
+    known = torch.tensor([1.0, 1.0, 1.0, 0.0])
+    monkeypatch.setattr(covers, "Comparison", Explained)
+    monkeypatch.setattr(covers, "method_of", lambda _: None)
+    monkeypatch.setattr(covers, "trust", lambda *_: known)
+    clip = replace(film(tmp_path, 4), covered=np.array([False, True, True, True]))
+    clip, over = covers._covers(cast("Any", None), None, clip, lambda *_: None)
+    assert not over
+    np.testing.assert_array_equal(clip.covered, [False, False, False, True])
 
 
 def test_what_is_small_on_a_face_is_small_on_a_profile_that_is_shown_larger() -> None:
@@ -260,10 +316,7 @@ SHAKEN = 4  # a frame whose head is blurred
 def test_a_pose_becomes_that_between_others_where_the_head_then_lies_better(
     true: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with VideoWriter(tmp_path / "clip.mkv", 48, 40, Fraction(25), "ffv1") as writer:
-        for _ in range(9):
-            writer.write(np.zeros((40, 48, 3), np.uint8))
-    clip = fakes.write_prepared(tmp_path / "clip.mkv", tmp_path)
+    clip = film(tmp_path, 9)
     clip.translation[SHAKEN, 0] = 0.5
     monkeypatch.setattr(Looks, "true", true)
     monkeypatch.setattr(covers, "Comparison", Looks)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dubbing.face.mesh_points import LEFT_EYE_AND_BROW
-from dubbing.preparation.covering.light import Sight, coarse_gain, light_of, noticed
+from dubbing.preparation.covering.light import Sight, coarse_gain, light_of, noticed, shade
 
 FRAMES, POINTS = 6, 478
 STILL = np.arange(100, 200)
@@ -47,6 +47,29 @@ def test_a_little_haze_is_a_head_that_turns() -> None:
 def test_a_head_that_is_turned_far_shows_no_haze() -> None:
     light = light_of(seen(0.5, 100.0, turn=0.5), USUAL, STILL)
     assert not light.offset.any()
+
+
+def test_a_shadow_on_a_part_of_a_face_is_no_haze() -> None:
+    """Half of the points in it look like more contrast, which takes light away."""
+    half = seen(1.0)
+    half.colours[:, STILL[::2]] *= 0.4
+    assert (light_of(half, USUAL, STILL).offset >= 0).all()
+
+
+@pytest.mark.parametrize("light", [0.4, 1.6])
+def test_a_shadow_or_a_lamp_on_a_part_of_a_face_is_light(light: float) -> None:
+    ratio = np.zeros((80, 90, 3))
+    ratio[:, 45:] = np.log(light) + np.array([0.04, 0.0, -0.04])  # the sky is blue
+    found = shade(ratio, np.ones((80, 90), bool), 4.0)
+    beside_edge = np.abs(np.arange(90) - 44.5) < 8
+    assert np.abs(found - ratio)[:, ~beside_edge].max() < 0.25 * abs(np.log(light))
+
+
+def test_a_thing_of_another_colour_is_no_light() -> None:
+    ratio = np.zeros((80, 90, 3))
+    ratio[30:60, 30:60] = np.log(np.array([30, 32, 35]) / (200, 150, 130))
+    found = shade(ratio, np.ones((80, 90), bool), 4.0)
+    assert np.abs(found[34:56, 34:56]).max() < 0.3
 
 
 def test_haze_leaves_nothing_darker_than_itself() -> None:

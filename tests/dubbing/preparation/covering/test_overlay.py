@@ -114,6 +114,22 @@ def test_a_pixel_of_a_captions_colour_is_no_caption(
     assert not masks[:, cheek[1], cheek[0]].any()
 
 
+@pytest.mark.parametrize("light", [-0.75, 0.6])
+def test_a_shadow_or_a_lamp_that_passes_over_a_face_is_no_thing(
+    people: dict[str, np.ndarray], light: float, tmp_path: Path
+) -> None:
+    for name, frames in people.items():
+        points = meshes(frames)
+        left, right = np.median(points[:, [33, 263], 0], 0)
+        columns = np.arange(frames.shape[2])
+        edges = np.linspace(left, right, len(frames) // 3)
+        dark = np.zeros((len(frames), len(columns)))
+        dark[-len(edges) :] = 1 / (1 + np.exp((columns - edges[:, None]) / (0.1 * (right - left))))
+        shaded = np.clip(frames * (1 + light * dark[:, None, :, None]), 0, 255).astype(np.uint8)
+        _, over = look(shaded, points, tmp_path / f"{name}.mkv")
+        assert not over.any()
+
+
 @pytest.mark.parametrize("light", [1.0, 0.5, 1.3])
 def test_on_a_bare_face_nothing_is_found(
     people: dict[str, np.ndarray], light: float, tmp_path: Path

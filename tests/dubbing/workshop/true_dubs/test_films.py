@@ -49,6 +49,18 @@ def test_a_camera_adds_the_same_each_time() -> None:
     assert CameraLook(Look(shrink=0.5), S).picture(image, 0).shape == (S // 2, S // 2, 3)
 
 
+@pytest.mark.parametrize("band", [0.8, -1.0])
+def test_a_shadow_or_a_beam_passes_over_a_film_while_it_is_dubbed(band: float) -> None:
+    image = np.full((S, S, 3), 100, np.uint8)
+    camera = CameraLook(Look(band=band), S)
+    lit = np.stack([camera.picture(image, t)[S // 2, :, 0] for t in range(FRAMES)]).astype(int)
+    assert (lit[: round(LEARNED * RATE)] == 100).all()
+    changed = np.sign(band) * (100 - lit) > 30
+    assert changed.any(0).all()  # every column is in it once
+    assert changed.mean(1).max() < 0.6
+    assert not changed[-1].any()
+
+
 def test_points_go_where_the_camera_shows_them() -> None:
     image = np.zeros((S, S, 3), np.uint8)
     image[59:62, 99:102] = 255
