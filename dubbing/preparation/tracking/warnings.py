@@ -47,7 +47,7 @@ def warnings_of(
         out.append(
             f"the mouth is covered, or lit as nowhere else, in {behind} frames, the first at "
             f"{at(np.flatnonzero(kept == 2)[0])}; they are left as filmed, unless the "
-            "learned head tells what covers it"
+            "learned head explains them, or tells what covers it"
         )
     if seen.overlaid:
         out.append(

@@ -88,7 +88,9 @@ def test_hidden_frames_are_said_without_a_promise() -> None:
     no_face, covered, over = warnings_for({}, hidden=(1, 2), lost=(2, 7), over=(1, 6))
     assert no_face.startswith("no face in 2 of 10 frames, the first at 0.4 s")
     assert "covered, or lit as nowhere else, in 1 frames, the first at 0.2 s" in covered
-    assert covered.endswith("left as filmed, unless the learned head tells what covers it")
+    assert covered.endswith(
+        "left as filmed, unless the learned head explains them, or tells what covers it"
+    )
     assert "over the lower face in 1 frames, the first at 1.2 s" in over  # not the covered one
 
 
