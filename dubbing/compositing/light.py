@@ -9,6 +9,7 @@ scale with it.
 import cv2
 import numpy as np
 
+from dubbing.face.mesh_points import NOSE_BASE
 from dubbing.face.mouth.lip_region import lip_region
 from dubbing.preparation.background.pixels import around, extent
 from dubbing.preparation.covering.light import shade
@@ -18,6 +19,7 @@ STEP = 4  # px between places where the ratio is measured
 SMOOTH = 36.0  # px, Gaussian: faster variation is skin, not light
 SHADOWS = 36.0, 16.0  # px, Gaussian: of shadows that fall on a part of the face, their edges
 DEEP = 0.12  # of a logarithm: a face has no smaller shadows that are not its own
+MOST = 90  # percent of the face above the mouth, of which the deepest says how deep they are
 MOUTH = 14.0  # px round the film's lips, which move with other words
 HAZE, OPAQUE = 16, 250  # of 255; a head with no more than the first is haze
 DARK = 4.0  # grey levels added before the ratio is taken: black has none
@@ -77,9 +79,13 @@ def follow_light(
         for x in (weight, weight * (ratio - middle))
     )
     slow = middle + apart / (near + PRIOR_WEIGHT)
-    for reach in SHADOWS:
+    above = share[: max(0, int(landmarks[NOSE_BASE, 1] - rows.start) // STEP), :, 0] > 0.5
+    for reach in SHADOWS if above.any() else ():
         cast = shade(ratio - slow, share[..., 0], reach * unit / STEP, PRIOR_WEIGHT)
-        slow += cast * np.clip(np.abs(cast.mean(-1, keepdims=True)) / DEEP - 1, 0, 1)
+        depth = np.abs(cast.mean(-1, keepdims=True))
+        # A chin that moves is no shadow: one that passes falls on the rest of the face, too.
+        most = np.percentile(depth[: len(above)][above], MOST)
+        slow += cast * np.clip(np.minimum(depth, most) / DEEP - 1, 0, 1)
     side = same.shape[::-1]
     gain = cv2.resize(np.exp(slow).astype(np.float32), side, interpolation=cv2.INTER_LINEAR)
     out = head.copy()

@@ -13,7 +13,7 @@ import numpy as np
 from dubbing.face.mesh_points import LEFT_EYE_AND_BROW, RIGHT_EYE_AND_BROW
 
 TINT = 0.13  # of a logarithm by which channels change differently: more is no light
-LEAST_AROUND = 0.2
+LEAST_AROUND = 0.2  # see `shade`
 BLUR = 0.012  # of the face's width: landmarks jitter by that much
 ROUNDS = 8  # of iteratively reweighted least squares
 HUBER = 1.5  # deviations from which on a point counts less: lids close, hair falls

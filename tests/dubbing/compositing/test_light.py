@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
+from dubbing.compositing import light
 from dubbing.compositing.light import follow_light
 from dubbing.face.mouth.mouth_shape import OUTER_LIP
 from tests import fakes
@@ -48,7 +49,7 @@ INNER = cv2.erode(OPAQUE, np.ones((21, 21))) > 0
 
 
 @pytest.mark.parametrize(
-    "light",
+    "lamp",
     [
         np.array(1.0),
         np.array(0.25),
@@ -58,10 +59,10 @@ INNER = cv2.erode(OPAQUE, np.ones((21, 21))) > 0
     ],
     ids=["the same", "a fade", "nearly black", "a colour", "a lamp from the side"],
 )
-def test_a_head_has_the_light_of_the_film(light: np.ndarray) -> None:
+def test_a_head_has_the_light_of_the_film(lamp: np.ndarray) -> None:
     """Its mouth is another than the film's, and is lit like the skin round it."""
-    made = follow(skin(mouth=30) * light, skin(mouth=90))
-    expected = np.clip(skin(mouth=90) * light, 0, 255)
+    made = follow(skin(mouth=30) * lamp, skin(mouth=90))
+    expected = np.clip(skin(mouth=90) * lamp, 0, 255)
     away = np.abs(made[..., :3].astype(float) - expected)[INNER]
     assert np.percentile(away, 95) < 4
     assert away.mean() < 1.5
@@ -70,12 +71,23 @@ def test_a_head_has_the_light_of_the_film(light: np.ndarray) -> None:
 @pytest.mark.parametrize("edge", [-25, 25])
 def test_a_shadow_that_falls_on_a_part_of_the_face_falls_on_its_mouth(edge: int) -> None:
     columns = np.arange(S) - S / 2
-    light = (1 - 0.6 / (1 + np.exp((columns - edge) / 6)))[:, None] * np.ones(3)
-    made = follow(skin(mouth=30) * light, skin(mouth=90))
-    expected = np.clip(skin(mouth=90) * light, 0, 255)
+    shadow = (1 - 0.6 / (1 + np.exp((columns - edge) / 6)))[:, None] * np.ones(3)
+    made = follow(skin(mouth=30) * shadow, skin(mouth=90))
+    expected = np.clip(skin(mouth=90) * shadow, 0, 255)
     away = np.abs(made[..., :3].astype(float) - expected)[INNER]
     assert away.mean() < 5.5
     assert np.percentile(away, 95) < 20
+
+
+@pytest.mark.parametrize("chin", [0.5, 1.6])
+def test_a_chin_that_moves_is_no_shadow(chin: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What differs below the mouth alone is followed slowly, as any light is."""
+    film = skin(mouth=30)
+    film[175:] *= chin
+    made = follow(film, skin(mouth=90))
+    monkeypatch.setattr(light, "SHADOWS", ())
+    slowly = follow(film, skin(mouth=90))
+    assert np.abs(made.astype(int) - slowly).max() <= 2
 
 
 def test_in_a_fade_to_white_the_mouth_pales_as_the_face_does() -> None:
