@@ -80,7 +80,9 @@ def follow_light(
     )
     slow = middle + apart / (near + PRIOR_WEIGHT)
     above = share[: max(0, int(landmarks[NOSE_BASE, 1] - rows.start) // STEP), :, 0] > 0.5
-    for reach in SHADOWS if above.any() else ():
+    rest = np.abs((ratio - slow).mean(-1))[: len(above)][above]
+    shadowed = len(rest) and np.percentile(rest, MOST) > DEEP
+    for reach in SHADOWS if shadowed else ():
         cast = shade(ratio - slow, share[..., 0], reach * unit / STEP, PRIOR_WEIGHT)
         depth = np.abs(cast.mean(-1, keepdims=True))
         # A chin that moves is no shadow: one that passes falls on the rest of the face, too.
