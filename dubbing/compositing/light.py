@@ -86,8 +86,8 @@ def follow_light(
         cast = shade(ratio - slow, share[..., 0], reach * unit / STEP, PRIOR_WEIGHT)
         depth = np.abs(cast.mean(-1, keepdims=True))
         # A chin that moves is no shadow: one that passes falls on the rest of the face, too.
-        most = np.percentile(depth[: len(above)][above], MOST)
-        slow += cast * np.clip(np.minimum(depth, most) / DEEP - 1, 0, 1)
+        deepest = np.percentile(depth[: len(above)][above], MOST)
+        slow += cast * np.clip(np.minimum(depth, deepest) / DEEP - 1, 0, 1)
     side = same.shape[::-1]
     gain = cv2.resize(np.exp(slow).astype(np.float32), side, interpolation=cv2.INTER_LINEAR)
     out = head.copy()

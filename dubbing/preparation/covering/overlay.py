@@ -26,6 +26,7 @@ from dubbing.preparation.covering.usual_colours import (
     eye_distance,
     in_usual_light,
     inside_face,
+    rgb_of,
     to_face,
     upright,
 )
@@ -92,8 +93,7 @@ class Overlay:
 
     def _unlit(self, t: int, colours: np.ndarray) -> np.ndarray:
         """Colours (N, 3) Y, Cr, Cb of a frame, in the usual light."""
-        rgb = cv2.cvtColor(colours[None].astype(np.float32) / 255, cv2.COLOR_YCrCb2RGB)[0] * 255
-        return self._colours(t, rgb)
+        return self._colours(t, rgb_of(colours[None])[0])
 
     def _usual(self) -> UsualColours:
         """Usual colours, from frames spread over the clip."""
