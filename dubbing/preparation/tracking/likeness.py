@@ -1,7 +1,8 @@
 """Looks of a face, and the distance between the looks of two people.
 
 A face is described by the shape of its rigid points in its own frame, and by mean and spread of the
-colours of its parts. N faces, D numbers each.
+colours of its parts: NaN of a part that lies outside of the picture, as the forehead of a close-up
+does. N faces, D numbers each.
 """
 
 import cv2
@@ -30,6 +31,7 @@ PARTS = (
 SHAPE_SCALE = 0.0102  # units of 10 cm; meshes of small faces are rough
 COLOUR_SCALE = np.array([8.9, 2.1, 2.2, 5.2, 1.1, 0.7])  # L, a, b: means, then spreads
 UNLIKE = 9.0  # mean square of a part's differences: beyond, a caption or a hand lies over it
+LEAST_SEEN = 0.5  # share of a part's pixels that a picture shows, and of faces that show a part
 
 
 def looks(image: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -38,25 +40,42 @@ def looks(image: np.ndarray, points: np.ndarray) -> np.ndarray:
         shape = head_frame(points.astype(np.float64))[list(RIGID)]
     except np.linalg.LinAlgError:  # something that only looked like a face
         shape = np.zeros((len(RIGID), 3))
-    upright = cv2.warpAffine(image, _upright(points), (SIDE, SIDE), flags=cv2.INTER_AREA)
+    motion = _upright(points)
+    upright, shown = (
+        cv2.warpAffine(whole, motion, (SIDE, SIDE), flags=cv2.INTER_AREA)
+        for whole in (image, np.full(image.shape[:2], 255, np.uint8))
+    )
     colours = cv2.cvtColor(upright, cv2.COLOR_RGB2LAB).astype(np.float64)
     figures = [shape.ravel()]
     for x, y, wide, high in PARTS:
         rows = slice(round((y - high) * SIDE), round((y + high) * SIDE))
-        part = colours[rows, round((x - wide) * SIDE) : round((x + wide) * SIDE)]
-        figures += [part.mean((0, 1)), part.std((0, 1))]
+        columns = slice(round((x - wide) * SIDE), round((x + wide) * SIDE))
+        seen = shown[rows, columns] == 255
+        part = colours[rows, columns][seen]
+        known = seen.mean() >= LEAST_SEEN
+        figures += [part.mean(0), part.std(0)] if known else [np.full(6, np.nan)]
     return np.concatenate(figures)
 
 
 def apart(one: np.ndarray, other: np.ndarray) -> float:
-    """Distance of the looks (N, D) of two people, from the medians of each."""
+    """Distance of the looks (N, D) of two people, from the medians of each.
+
+    Parts are compared that most faces of both show.
+    """
     split = 3 * len(RIGID)
-    first, second = np.median(one, 0), np.median(other, 0)
+    first, second = _usual(one), _usual(other)
     target, moved = (figures[:split].reshape(1, -1, 3) for figures in (first, second))
     shape = (similarity(moved, target[0])(moved) - target) / SHAPE_SCALE
     colour = (first - second)[split:].reshape(-1, 6) / COLOUR_SCALE
     parts = np.minimum((colour**2).mean(1), UNLIKE)
-    return float(np.sqrt((shape**2).mean() + parts.mean()))
+    known = parts[np.isfinite(parts)]
+    return float(np.sqrt((shape**2).mean() + (known.mean() if len(known) else UNLIKE)))
+
+
+def _usual(looks: np.ndarray) -> np.ndarray:
+    """Median looks (D,) of faces (N, D), NaN of parts that fewer than half of them show."""
+    known = np.isfinite(looks).mean(0) >= LEAST_SEEN
+    return np.where(known, np.nanmedian(np.where(known, looks, 0), 0), np.nan)
 
 
 def _upright(points: np.ndarray) -> np.ndarray:

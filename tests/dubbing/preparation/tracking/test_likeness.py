@@ -1,9 +1,11 @@
 """How alike two faces look."""
 
+import cv2
 import numpy as np
 
-from dubbing.face.mesh_points import RIGID
+from dubbing.face.mesh_points import LEFT_EYE_OUTER, NOSE_BASE, RIGHT_EYE_OUTER, RIGID
 from dubbing.preparation.tracking.likeness import COLOUR_SCALE, FARTHEST, PARTS, apart
+from dubbing.preparation.tracking.likeness import looks as looks_of
 
 SHAPE = np.random.default_rng(0).normal(0, 0.5, (len(RIGID), 3))
 
@@ -23,3 +25,25 @@ def test_a_caption_over_the_chin_makes_nobody_another_person() -> None:
 
 def test_somebody_of_other_colours_everywhere_is_another_person() -> None:
     assert apart(looks(), looks(*[2.2] * len(PARTS))) > FARTHEST
+
+
+def test_what_a_close_up_cuts_off_makes_nobody_another_person() -> None:
+    """A forehead, or a chin, that lies outside of the picture is not compared."""
+    image = patches()
+    face = np.full((478, 3), 150.0)
+    face[:, :2] += np.random.default_rng(2).uniform(-60, 60, (478, 2))
+    face[LEFT_EYE_OUTER, :2], face[RIGHT_EYE_OUTER, :2] = (110, 120), (190, 120)
+    face[NOSE_BASE, :2] = 150, 163
+    whole = looks_of(image, face)[None]
+    assert np.isfinite(whole).all()
+    for cut, moved in ((image[115:], 115), (image[:195], 0)):
+        seen = looks_of(cut, face - np.array([0, moved, 0]))[None]
+        assert np.isnan(seen).any()
+        assert apart(whole, seen) < FARTHEST / 3
+    mostly_whole = np.concatenate([whole, whole, seen])
+    assert apart(mostly_whole, whole) == apart(whole, whole)
+
+
+def patches() -> np.ndarray:
+    coarse = np.random.default_rng(1).integers(90, 150, (30, 30, 3), np.uint8)
+    return np.asarray(cv2.resize(coarse, (300, 300), interpolation=cv2.INTER_CUBIC))
