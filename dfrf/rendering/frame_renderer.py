@@ -55,10 +55,11 @@ def head_blocks(
     c2w, focal, centre, size = camera.c2w, camera.focal, camera.centre, camera.size
     side = -(-size // BLOCK)
     local = (grid.open_centres() - c2w[:, 3]) @ c2w[:, :3]
+    cell = ((grid.high - grid.low) / grid.resolution).norm() / 2
+    local = local[-local[:, 2] > cell]  # a camera sees nothing that lies behind it
     depth = -local[:, 2]
     column = (centre[0] + focal * local[:, 0] / depth) / BLOCK
     row = (centre[1] - focal * local[:, 1] / depth) / BLOCK
-    cell = ((grid.high - grid.low) / grid.resolution).norm() / 2
     reach = focal * cell / depth.min() / BLOCK if depth.numel() else cell
     radius = int(torch.ceil(reach).item())
     blocks = torch.zeros(side, side, dtype=torch.bool, device=c2w.device)

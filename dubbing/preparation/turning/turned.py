@@ -130,4 +130,7 @@ def _solved(
     # Only what is joined to a frame whose pose is known, frame by frame, has a pose.
     run = np.cumsum(~held)
     reached = np.isin(run, run[~free & held]) & held
-    return poses, reached & (angles(poses) < FARTHEST)
+    sure = np.flatnonzero(reached | ~free)
+    # The motion of a head does not go on where nothing of it is followed, as at the end of a shot.
+    nearest = np.arange(len(frames)).clip(sure[0], sure[-1])
+    return poses[nearest], reached & (angles(poses) < FARTHEST)

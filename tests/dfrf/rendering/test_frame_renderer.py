@@ -49,6 +49,16 @@ def test_blocks_hold_every_pixel_that_sees_an_open_cell(size: int) -> None:
     assert not (seen.opacity.view(size, size)[~found] > 0).any()
 
 
+def test_a_camera_inside_the_head_sees_what_lies_before_it_and_one_beyond_it_nothing() -> None:
+    model, _ = random_model()
+    inside, beyond = camera(), camera()
+    for view, at in ((inside, 0.0), (beyond, -9.0)):
+        view.c2w[:, 3] = at * view.c2w[:, 2]
+    blocks = head_blocks(model.grid, inside)
+    assert blocks.any()
+    assert not head_blocks(model.grid, beyond).any()
+
+
 def test_a_frame_does_not_depend_on_the_frames_beside_it(arithmetic: float) -> None:
     model, maps = random_model()
     someone = person()

@@ -11,7 +11,18 @@ from scipy.spatial.transform import Rotation
 from dubbing.media import VideoWriter
 from dubbing.preparation.alignment.camera import Poses
 from dubbing.preparation.prepare import prepare
-from dubbing.preparation.turning.turned import ANCHORS, AT_ONCE, FEWEST, frontal, parts_of
+from dubbing.preparation.turning import turned
+from dubbing.preparation.turning.head_surface import HeadSurface
+from dubbing.preparation.turning.point_tracks import PointTracks
+from dubbing.preparation.turning.turned import (
+    ANCHORS,
+    AT_ONCE,
+    FEWEST,
+    Footage,
+    follow_turned,
+    frontal,
+    parts_of,
+)
 from dubbing.workshop.synthetic.anatomy.face import face_by_name
 from dubbing.workshop.synthetic.anatomy.lips import MouthShape
 from dubbing.workshop.synthetic.motion import move
@@ -45,6 +56,29 @@ def test_long_runs_are_solved_in_parts_that_overlap() -> None:
     assert parts[-1].stop == count
     for one, other in pairwise(parts):
         assert one.stop - other.start == 2 * ANCHORS
+
+
+def test_a_head_that_is_lost_stays_where_it_was_last_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It does not go on as it moved: a few frames later it would be behind the camera."""
+    count, trusted, lost = 90, 12, 30
+    rng = np.random.default_rng(0)
+    places = rng.uniform(-0.7, 0.7, (60, 3))
+    near = 9 - 0.2 * np.arange(count)
+    true = Poses(np.tile(np.eye(3), (count, 1, 1)), np.stack([0 * near, 0 * near, near], 1))
+    point, frame = np.tile(np.arange(60), lost), np.repeat(np.arange(lost), 60)
+    in_camera = places[point] + true.translation[frame]
+    tracks = PointTracks(point, frame, 600 * in_camera[:, :2] / in_camera[:, 2:] + 128, places)
+    monkeypatch.setattr(turned, "follow", lambda *given: tracks)
+    blank, centre = np.zeros((count, 1, 1, 3), np.uint8), np.full((count, 2), 128.0)
+    surface = HeadSurface(np.zeros((478, 3)), 600.0)
+    footage = Footage(blank, blank[..., 0], centre, np.zeros(count, int), surface)
+    start = true[np.arange(count).clip(0, trusted - 1)]
+    found, known = follow_turned(start, np.arange(count) < trusted, footage)
+    assert known.tolist() == [t < lost for t in range(count)]
+    np.testing.assert_allclose(found.translation[:lost, 2], near[:lost], atol=0.05)
+    np.testing.assert_array_equal(
+        found.translation[lost:], found.translation[[lost - 1]].repeat(count - lost, 0)
+    )
 
 
 @pytest.mark.slow
