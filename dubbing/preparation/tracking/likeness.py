@@ -2,7 +2,8 @@
 
 A face is described by the shape of its rigid points in its own frame, and by mean and spread of the
 colours of its parts: NaN of a part that lies outside of the picture, as the forehead of a close-up
-does. N faces, D numbers each.
+does. Colours are compared as they are, and in the same light: night, a lamp or a grade change the
+colours of all parts alike. N faces, D numbers each.
 """
 
 import cv2
@@ -31,6 +32,12 @@ PARTS = (
 SHAPE_SCALE = 0.0102  # units of 10 cm; meshes of small faces are rough
 COLOUR_SCALE = np.array([8.9, 2.1, 2.2, 5.2, 1.1, 0.7])  # L, a, b: means, then spreads
 UNLIKE = 9.0  # mean square of a part's differences: beyond, a caption or a hand lies over it
+# A distance in the same light counts so many times: less is left to tell people apart by. Of 2,070
+# pairs of different people 1.2 % are then nearer than `FARTHEST`, as without it. Of 46 people in a
+# dimmed, warm, faded or pale picture 67 to 83 % are, and 0 to 7 % without it.
+RELIT = 1.5
+LEAST_GAIN, MOST_GAIN = 0.25, 4.0  # of a light's contrast, and of its saturation
+STEADY = np.array([50.0, 10.0, 10.0])  # levels squared, of L, a and b: keeps the gain of flat parts
 LEAST_SEEN = 0.5  # share of a part's pixels that a picture shows, and of faces that show a part
 
 
@@ -66,10 +73,38 @@ def apart(one: np.ndarray, other: np.ndarray) -> float:
     first, second = _usual(one), _usual(other)
     target, moved = (figures[:split].reshape(1, -1, 3) for figures in (first, second))
     shape = (similarity(moved, target[0])(moved) - target) / SHAPE_SCALE
-    colour = (first - second)[split:].reshape(-1, 6) / COLOUR_SCALE
-    parts = np.minimum((colour**2).mean(1), UNLIKE)
+    own, others = (figures[split:].reshape(-1, 6) for figures in (first, second))
+    as_seen = (own - others) / COLOUR_SCALE
+    distances = [
+        times * float(np.sqrt((shape**2).mean() + _mean_square(colours)))
+        for times, colours in ((1.0, as_seen), (RELIT, _in_one_light(own, others)))
+    ]
+    return min(distances)
+
+
+def _mean_square(colours: np.ndarray) -> float:
+    """Of differences (parts, 6), each part's no more than `UNLIKE`."""
+    parts = np.minimum((colours**2).mean(1), UNLIKE)
     known = parts[np.isfinite(parts)]
-    return float(np.sqrt((shape**2).mean() + (known.mean() if len(known) else UNLIKE)))
+    return float(known.mean() if len(known) else UNLIKE)
+
+
+def _in_one_light(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Differences (parts, 6) of the colours of two faces, in the light of the brighter one.
+
+    A light is an offset of L, a and b, a gain of L, and one of a and b, by least squares.
+    """
+    known = np.isfinite(one[:, 0]) & np.isfinite(other[:, 0])
+    if not known.any():
+        return np.full_like(one, np.nan)
+    middle, own = (colours[known, :3].mean(0) for colours in (one, other))
+    apart, of = one[known, :3] - middle, other[known, :3] - own
+    product, square = ((values * of).sum(0) + STEADY / (1, 2, 2) for values in (apart, of))
+    for sums in (product, square):
+        sums[1:] = sums[1:].sum()
+    gain = np.clip(product / square, LEAST_GAIN, MOST_GAIN)
+    relit = np.concatenate((middle + gain * (other[:, :3] - own), gain * other[:, 3:]), 1)
+    return (one - relit) / COLOUR_SCALE / np.tile(np.minimum(gain, 1), 2)
 
 
 def _usual(looks: np.ndarray) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 import cv2
 import numpy as np
+import pytest
 
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, NOSE_BASE, RIGHT_EYE_OUTER, RIGID
 from dubbing.preparation.tracking.likeness import COLOUR_SCALE, FARTHEST, PARTS, apart
@@ -25,6 +26,34 @@ def test_a_caption_over_the_chin_makes_nobody_another_person() -> None:
 
 def test_somebody_of_other_colours_everywhere_is_another_person() -> None:
     assert apart(looks(), looks(*[2.2] * len(PARTS))) > FARTHEST
+
+
+COLOURS = np.random.default_rng(3).uniform(
+    (60, 135, 140, 5, 2, 2), (210, 165, 170, 30, 5, 5), (7, 6)
+)
+
+
+def coloured(colours: np.ndarray) -> np.ndarray:
+    """Looks (1, D) of a face whose parts have colours (7, 6)."""
+    return np.concatenate([SHAPE.ravel(), colours.ravel()])[None]
+
+
+@pytest.mark.parametrize(
+    ("gain", "offset"),
+    [((0.4, 0.6, 0.6), (10, 50, 52)), ((0.7, 1, 1), (70, 0, 0)), ((1, 0.4, 0.4), (0, 90, 75))],
+    ids=["at night", "faded", "pale"],
+)
+def test_another_light_makes_nobody_another_person(
+    gain: tuple[float, ...], offset: tuple[float, ...]
+) -> None:
+    lit = np.concatenate([COLOURS[:, :3] * gain + offset, COLOURS[:, 3:] * gain], 1)
+    for pair in ((COLOURS, lit), (lit, COLOURS)):
+        assert apart(*map(coloured, pair)) < FARTHEST / 3
+
+
+def test_other_colours_in_another_light_are_another_person() -> None:
+    other = COLOURS[[3, 5, 0, 6, 1, 2, 4]]
+    assert apart(coloured(COLOURS), coloured(other * (0.4, 0.6, 0.6, 0.4, 0.6, 0.6))) > FARTHEST
 
 
 def test_what_a_close_up_cuts_off_makes_nobody_another_person() -> None:
