@@ -17,6 +17,7 @@ import numpy as np
 
 from dubbing import media
 from dubbing.batch import task as batch_task
+from dubbing.compositing.grade import NEUTRAL
 from dubbing.engine.disk.files import atomic_write_json, atomic_write_text
 from dubbing.engine.running import task
 from dubbing.errors import PreparationError
@@ -197,10 +198,9 @@ def install(patch: Any) -> None:
         kill("refine_poses")
         clip = self.prepared.load()
         np.savez(out / "poses.npz", c2w=clip.c2w())
-        jaw, places = np.zeros((len(clip), 48)), clip.landmarks
-        np.savez(
-            out / "covers.npz", over=clip.over, covered=clip.covered, landmarks=places, jaw=jaw
-        )
+        found = {name: getattr(clip, name) for name in ("over", "covered", "landmarks")}
+        jaw, grade = np.zeros((len(clip), 48)), np.tile(NEUTRAL, (len(clip), 1))
+        np.savez(out / "covers.npz", allow_pickle=False, jaw=jaw, grade=grade, **found)
 
     def compose(self: Composite, out: Path, progress: Any) -> None:
         def reporting(message: str, share: float) -> None:

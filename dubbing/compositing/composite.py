@@ -9,6 +9,7 @@ import numpy as np
 from dubbing.compositing.carried_jaw import FilmFace
 from dubbing.compositing.face_mask import face_mask
 from dubbing.compositing.film_look import in_focus
+from dubbing.compositing.grade import graded
 from dubbing.compositing.jaw_opening import comes_off, touching
 from dubbing.compositing.light import HAZE, follow_light
 from dubbing.compositing.neck import Neck, with_neck
@@ -39,6 +40,8 @@ def replacement(film: FilmFrame, head: np.ndarray) -> tuple[np.ndarray, np.ndarr
     size = len(image)
     bare = np.ones((size, size), bool) if film.overlay is None else film.overlay == 0
     contour = face_contour(landmarks, size)
+    if film.grade is not None:
+        head = graded(head, film.grade)
     lit = follow_light(image, film.matte, head, landmarks, film.haze, film.overlay)
     if film.overlay is not None:
         image = cv2.inpaint(image, film.overlay, INPAINT, cv2.INPAINT_TELEA)

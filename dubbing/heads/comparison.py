@@ -19,6 +19,7 @@ from dfrf.cameras import Camera
 from dfrf.method_interface import Maps, Method
 from dfrf.workers import Workers
 from dubbing.compositing.face_mask import lower_share
+from dubbing.compositing.grade import colours, measured, noticed
 from dubbing.compositing.jaw_line import ANGLES, beside
 from dubbing.face.face_contour import face_contour, face_region
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
@@ -56,6 +57,7 @@ class Compared:
         known: (H, W) bool, the lower face beside the lips. lips: (H, W) bool.
         face: (H, W) bool, all of the face beside the lips.
         jaw: (K,) px of the crop, see `compositing.jaw_line.beside`.
+        grade: (4,) of the film, see `compositing.grade.measured`.
         zoom: how much larger than one that looks ahead a turned face is here; 1 at least.
     """
 
@@ -66,6 +68,7 @@ class Compared:
     face: np.ndarray
     zoom: float = 1.0
     jaw: np.ndarray = field(default_factory=lambda: np.full(len(ANGLES), np.nan))
+    grade: np.ndarray = field(default_factory=lambda: np.full(4, np.nan))
 
 
 def to_face(landmarks: np.ndarray) -> np.ndarray:
@@ -74,13 +77,18 @@ def to_face(landmarks: np.ndarray) -> np.ndarray:
 
 
 def compare(
-    image: np.ndarray, landmarks: np.ndarray, colour: np.ndarray, opacity: np.ndarray
+    image: np.ndarray,
+    landmarks: np.ndarray,
+    colour: np.ndarray,
+    opacity: np.ndarray,
+    haze: np.ndarray,
 ) -> Compared:
     """A frame beside the head.
 
     Args:
         image: (S, S, 3) uint8. landmarks: (478, 2) px of it.
         colour, opacity: of the head, premultiplied, (s, s, 3) and (s, s), 0..1, of any size s.
+        haze: (3,) grey levels of light over the image.
     """
     turn, size = to_face(landmarks), len(image)
 
@@ -93,14 +101,16 @@ def compare(
 
     small = cv2.resize(image, (len(opacity),) * 2, interpolation=cv2.INTER_AREA)
     picture, alpha = upright(small), upright(opacity)
-    head = 255 * upright(colour) / np.maximum(alpha, 0.05)[..., None]
+    head = np.clip(255 * upright(colour) / np.maximum(alpha, 0.05)[..., None], 0, 255)
     points = landmarks @ turn[:, :2].T + turn[:, 2]
     side = max(W, H)
     face = face_region(points, side)[:H, :W] > 0
     lower = lower_share(points, (slice(0, H), slice(0, W))) > 0
     lips = dilate(lip_region(points, side)[:H, :W], LIPS * EYES)
     solid = (alpha > OPAQUE) & face
-    ratio = np.log(picture + DARK) - np.log(np.clip(head, 0, 255) + DARK)
+    grade = measured(np.maximum(picture - haze, 0), head, solid)
+    head = colours(head, noticed(grade))
+    ratio = np.log(picture + DARK) - np.log(head + DARK)
     middle = np.median(ratio[solid & ~lips], 0) if (solid & ~lips).any() else np.zeros(3)
     weight = (solid & ~lips) / (1 + (np.abs(ratio - middle).max(-1) / OUTLIER) ** 4)
     light, around = (
@@ -111,7 +121,8 @@ def compare(
     rest -= shade(rest, solid & ~lips, SHADE)
     apart = np.abs(rest).max(-1) * solid
     beside = solid & ~lips
-    return Compared(picture, apart.astype(np.float32), beside & lower, lips & lower, beside)
+    seen = beside & lower, lips & lower, beside
+    return Compared(picture, apart.astype(np.float32), *seen, grade=grade)
 
 
 @dataclass(frozen=True)
@@ -139,7 +150,7 @@ class Comparison:
             camera = Camera(c2w[number], float(clip.focal) * scale, centre[number], SIDE)
             seen = heads(number).render(camera, torch.from_numpy(region).to(device))
             colour, opacity = (part.float().cpu().numpy() for part in seen)
-            compared = compare(image, landmarks, colour, opacity)
+            compared = compare(image, landmarks, colour, opacity, clip.haze[frames[number]])
             jaw = beside(
                 cv2.resize(matte, (SIDE, SIDE), interpolation=cv2.INTER_AREA),
                 (opacity * 255).round().astype(np.uint8),

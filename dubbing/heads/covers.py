@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from dfrf.method_interface import Maps, Method
 from dfrf.model_interface import HeadModel
 from dfrf.presets import method_of
+from dubbing.compositing.grade import NEUTRAL, grades
 from dubbing.compositing.jaw_line import ANGLES, jaw_lines
 from dubbing.engine.disk.files import atomic_path
 from dubbing.engine.graph.stage import Progress
@@ -87,7 +88,8 @@ def find_covers(
         The clip with these masks, and better poses of frames in which something hides the face.
     """
     over: dict[int, Cover] = {}
-    clip = replace(clip, jaw=np.zeros((len(clip), len(ANGLES)), np.float32))
+    jaw, grade = np.zeros((len(clip), len(ANGLES)), np.float32), np.tile(NEUTRAL, (len(clip), 1))
+    clip = replace(clip, jaw=jaw, grade=grade)
     if method_of(model).refines_poses:
         with torch.no_grad():
             clip, over = _covers(model, maps, clip, progress)
@@ -110,6 +112,7 @@ def find_covers(
             covered=clip.covered,
             landmarks=clip.landmarks,
             jaw=np.asarray(clip.jaw),
+            grade=np.asarray(clip.grade),
         )
     return replace(clip, overlay=out / COVERS_FILE, over=shows)
 
@@ -125,7 +128,7 @@ def _covers(
     method = method_of(model)
     over: dict[int, Cover] = {}
     hidden: set[int] = set()
-    jaw = np.zeros((len(clip), len(ANGLES)), np.float32)
+    jaw, grade = np.zeros((len(clip), len(ANGLES)), np.float32), np.tile(NEUTRAL, (len(clip), 1))
     # From where it was never seen, a head explains nothing.
     known = (trust(torch.from_numpy(clip.c2w()).float(), maps) > 0).numpy()
     covered = clip.covered & ~(clip.valid & known)
@@ -149,6 +152,7 @@ def _covers(
         near = frames[np.isin(frames, np.add.outer(flagged, np.arange(-BESIDE, BESIDE + 1)))]
         free = ~np.isin(some, near)
         jaw[frames] = jaw_lines(some[free], [looked[k].jaw for k in np.flatnonzero(free)], frames)
+        grade[frames] = grades(some, [seen.grade for seen in looked], frames)
         for run in runs_of(near):
             clip, awry = _with_poses_mended(method, maps, clip, run, usual)
             compared = list(Comparison(method, maps, clip).look(run))
@@ -165,7 +169,7 @@ def _covers(
                 elif is_large(seen, sure & unexplained(seen, usual)) or t in awry:
                     hidden.add(t)
     covered[list(lasting(hidden, BRIEF * float(clip.rate)))] = True
-    return replace(clip, jaw=jaw, covered=covered), over
+    return replace(clip, jaw=jaw, grade=grade, covered=covered), over
 
 
 def told_apart(

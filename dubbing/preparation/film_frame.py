@@ -19,7 +19,8 @@ class FilmFrame:
         haze: (3,) grey levels of light over the image; see `covering.light`.
         noise: (5,) of the film, see `film_noise`. motion: (2,) px that the head moves in a frame.
         landmarks: (478, 2) px of the crop.
-        jaw: (K,) px, see `compositing.jaw_line.beside`; None where the head was not compared.
+        jaw: (K,) px, see `compositing.jaw_line.beside`. grade: (3,), see `compositing.grade`. None
+            where the head was not compared.
         whole: (H, W, 3) uint8, the source frame that the crop is of.
     """
 
@@ -33,6 +34,7 @@ class FilmFrame:
     landmarks: np.ndarray
     whole: np.ndarray
     jaw: np.ndarray | None = None
+    grade: np.ndarray | None = None
 
     @cached_property
     def restored(self) -> np.ndarray:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -29,11 +30,10 @@ def seen_by_head(clip: PreparedClip, folder: Path) -> PreparedClip:
         PreparationError: there are none, or they are of another clip.
     """
     clip = with_refined_poses(clip, folder)
-    over, covered, landmarks, jaw = _kept(
-        clip, folder / COVERED_FILE, "over", "covered", "landmarks", "jaw"
-    )
-    masks = folder / COVERS_FILE
-    return replace(clip, overlay=masks, over=over, covered=covered, landmarks=landmarks, jaw=jaw)
+    names = "over", "covered", "landmarks", "jaw", "grade"
+    kept = _kept(clip, folder / COVERED_FILE, *names)
+    found: dict[str, Any] = dict(zip(names, kept, strict=True))
+    return replace(clip, overlay=folder / COVERS_FILE, **found)
 
 
 def with_refined_poses(clip: PreparedClip, folder: Path) -> PreparedClip:

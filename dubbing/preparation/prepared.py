@@ -89,7 +89,8 @@ class PreparedClip:
         shape: (478, 3) mean head shape in the head frame: x right, y down, z away from the camera,
             outer eye corners 0.9 apart, origin between the ears.
         jaw: (T, K) px by which the film's jaw line lies beyond the learned head's; see
-            `compositing.jaw_line.beside`. None of a film that it was not compared with.
+            `compositing.jaw_line.beside`. grade: (T, 3) of the film beside the head, see
+            `compositing.grade`. None of a film that it was not compared with.
     """
 
     folder: Path
@@ -121,6 +122,7 @@ class PreparedClip:
     shape: np.ndarray
     overlay: Path | None = None
     jaw: np.ndarray | None = None
+    grade: np.ndarray | None = None
 
     def __len__(self) -> int:
         return self.frames_count
@@ -278,7 +280,7 @@ class PreparedClip:
                 motions[index - start],
                 self.landmarks[index],
                 whole,
-                None if self.jaw is None else self.jaw[index],
+                *(None if of is None else of[index] for of in (self.jaw, self.grade)),
             )
 
     def own_frames(

@@ -90,7 +90,7 @@ def test_a_shadow_on_a_part_of_a_face_is_no_thing(edge: float) -> None:
     image = (255 * head * (1 - dark[:, None] * (0.62, 0.6, 0.57))).round().astype(np.uint8)
 
     def found(film: np.ndarray) -> int:
-        seen = compare(film, fakes.talking_face(size), head, np.ones((size, size), np.float32))
+        seen = compare(film, fakes.talking_face(size), head, np.ones((size, size)), np.zeros(3))
         return int(unexplained(seen, np.zeros((H, W), np.float32)).sum())
 
     thing = image.copy()
