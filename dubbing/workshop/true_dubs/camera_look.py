@@ -10,6 +10,7 @@ from dubbing.workshop.true_dubs.scenes import DUBBED, FRAMES, LEARNED, RATE, Loo
 
 UNIT = 320  # px, the side that lengths of a look are given for
 GAMMA = 2.2
+PALE = 194.0  # grey levels that a faded print tends to
 GRAIN_SIGMA = 0.6  # px: grain is a little larger than a pixel
 BAND, SOFT = 0.45, 0.08  # of the picture's width: a band of shadow, and half of its edge
 SHAKES_S = 0.24  # seconds, Gaussian
@@ -30,6 +31,8 @@ class CameraLook:
             out = np.asarray(cv2.GaussianBlur(out, (0, 0), self.look.defocus * unit))
         if self.look.mono:
             out = np.repeat(out @ np.array([[0.299], [0.587], [0.114]]), 3, 2)
+        if t >= LEARNED * RATE:
+            out = out + self.look.fade * (PALE - out)
         if self.look.grain:
             noise = np.random.default_rng(1000 + t).standard_normal(out.shape)
             grain = np.asarray(cv2.GaussianBlur(noise, (0, 0), GRAIN_SIGMA))

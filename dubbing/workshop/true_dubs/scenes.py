@@ -25,6 +25,7 @@ class Look:
         band: the share of its light that a band of shadow takes, as it passes over the picture
             while it is dubbed; below 0 it is a beam, and adds.
         shake: px that a hand-held camera strays, at 320 px.
+        fade: share of a light grey in the picture while it is dubbed, as in a faded print.
         zoom: how much larger the film is at its end.
         defocus: px, Gaussian, at 320 px.
         grain: grey levels, standard deviation.
@@ -35,6 +36,7 @@ class Look:
 
     flicker: float = 0.0
     band: float = 0.0
+    fade: float = 0.0
     shake: float = 0.0
     zoom: float = 1.0
     defocus: float = 0.0
@@ -96,6 +98,7 @@ SCENES = (
     Scene("flicker", look=Look(flicker=0.35)),
     Scene("shadow", look=Look(band=0.88)),
     Scene("beam", look=Look(band=-1.6)),
+    Scene("faded", look=Look(fade=0.32)),
     Scene("hand-held", look=Look(shake=4.0)),
     Scene("zoom", look=Look(zoom=1.35)),
     Scene("defocus", look=Look(defocus=1.6)),

@@ -61,6 +61,14 @@ def test_a_shadow_or_a_beam_passes_over_a_film_while_it_is_dubbed(band: float) -
     assert not changed[-1].any()
 
 
+def test_a_print_is_faded_while_it_is_dubbed() -> None:
+    image = np.linspace(0, 255, S * S * 3).reshape(S, S, 3).astype(np.uint8)
+    camera, first = CameraLook(Look(fade=0.3), S), round(LEARNED * RATE)
+    np.testing.assert_array_equal(camera.picture(image, first - 1), image)
+    assert np.ptp(camera.picture(image, first)) == pytest.approx(0.7 * 255, abs=1)
+    assert camera.picture(image, first).min() > 50
+
+
 def test_points_go_where_the_camera_shows_them() -> None:
     image = np.zeros((S, S, 3), np.uint8)
     image[59:62, 99:102] = 255
