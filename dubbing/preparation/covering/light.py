@@ -95,7 +95,9 @@ def light_of(sight: Sight, usual: np.ndarray, still: np.ndarray) -> Light:
         left = np.abs(own - gain * of - offset)
         middle_left = np.nanmedian(np.where(seen, left, np.nan), 1, keepdims=True)
         weight = seen / np.maximum(1, left / (HUBER * np.maximum(1.4826 * middle_left, 1.0)))
-    offset = np.clip(offset, 0, sight.dark[:, None])  # nothing takes light away from an image
+    # Nothing takes light away from an image. What lies over it is grey: a channel may be dark in
+    # all of a frame but the face.
+    offset = np.clip(offset, 0, sight.dark[:, None]).min(2, keepdims=True).repeat(3, 2)
     counted = offset * np.clip((np.abs(offset) - HAZE_FROM) / (HAZE_FULL - HAZE_FROM), 0, 1)
     known = (HAZE_UNKNOWN - sight.turn) / (HAZE_UNKNOWN - HAZE_KNOWN)
     counted *= np.clip(known, 0, 1)[:, None, None]

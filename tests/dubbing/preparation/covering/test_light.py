@@ -77,6 +77,15 @@ def test_haze_leaves_nothing_darker_than_itself() -> None:
     assert np.abs(light_of(seen(0.5, 100.0, dark=100.0), USUAL, STILL).offset - 100).max() < 6
 
 
+def test_haze_is_grey_where_a_channel_is_dark_all_over_the_frame() -> None:
+    """A blue shirt says nothing about the red of the haze before a face."""
+    sight = seen(0.5, 100.0)
+    dark = np.tile([60.0, 100, 100], (FRAMES, 1))
+    offset = light_of(replace(sight, dark=dark), USUAL, STILL).offset
+    assert (offset == offset[:, :1]).all()
+    assert np.abs(offset - 60).max() < 6
+
+
 def test_what_a_frame_does_not_see_has_no_light() -> None:
     sight = seen(0.5)
     sight.colours[:, :150] = 250
