@@ -45,7 +45,7 @@ def measured(picture: np.ndarray, head: np.ndarray, known: np.ndarray) -> np.nda
     film, own = picture[known].astype(np.float64), head[known].astype(np.float64)
     terms = np.stack([own, np.repeat((own @ LUMA)[:, None], 3, 1), np.full_like(own, WHITE)])
     # Contrast follows from the rest, as the mean stays: how bright a film is says the light.
-    share = terms[1:].mean((1, 2)) / own.mean()
+    share = terms[1:].mean((1, 2)) / max(float(own.mean()), 1.0)
     weight, rest = np.ones(len(own)), np.zeros(2)
 
     def around(colours: np.ndarray) -> np.ndarray:

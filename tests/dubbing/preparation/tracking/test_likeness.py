@@ -40,8 +40,13 @@ def coloured(colours: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize(
     ("gain", "offset"),
-    [((0.4, 0.6, 0.6), (10, 50, 52)), ((0.7, 1, 1), (70, 0, 0)), ((1, 0.4, 0.4), (0, 90, 75))],
-    ids=["at night", "faded", "pale"],
+    [
+        ((0.4, 0.6, 0.6), (10, 50, 52)),
+        ((0.7, 1, 1), (70, 0, 0)),
+        ((1, 0.4, 0.4), (0, 90, 75)),
+        ((1, 0, 0), (0, 128, 128)),
+    ],
+    ids=["at night", "faded", "pale", "black and white"],
 )
 def test_another_light_makes_nobody_another_person(
     gain: tuple[float, ...], offset: tuple[float, ...]
