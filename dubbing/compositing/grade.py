@@ -101,7 +101,7 @@ def graded(head: np.ndarray, grade: np.ndarray) -> np.ndarray:
     return out
 
 
-def colours(head: np.ndarray, grade: np.ndarray) -> np.ndarray:
+def graded_colours(head: np.ndarray, grade: np.ndarray) -> np.ndarray:
     """Colours (H, W, 3) 0..255 of an opaque head as the film is graded."""
     opaque = cv2.merge([*cv2.split(head), np.full(head.shape[:2], WHITE, head.dtype)])
     return np.asarray(np.clip(cv2.transform(opaque, _matrix(grade)), 0, WHITE))

@@ -19,7 +19,7 @@ from dfrf.cameras import Camera
 from dfrf.method_interface import Maps, Method
 from dfrf.workers import Workers
 from dubbing.compositing.face_mask import lower_share
-from dubbing.compositing.grade import colours, measured, noticed
+from dubbing.compositing.grade import graded_colours, measured, noticed
 from dubbing.compositing.jaw_line import ANGLES, beside
 from dubbing.face.face_contour import face_contour, face_region
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
@@ -109,7 +109,7 @@ def compare(
     lips = dilate(lip_region(points, side)[:H, :W], LIPS * EYES)
     solid = (alpha > OPAQUE) & face
     grade = measured(np.maximum(picture - haze, 0), head, solid)
-    head = colours(head, noticed(grade))
+    head = graded_colours(head, noticed(grade))
     ratio = np.log(picture + DARK) - np.log(head + DARK)
     middle = np.median(ratio[solid & ~lips], 0) if (solid & ~lips).any() else np.zeros(3)
     weight = (solid & ~lips) / (1 + (np.abs(ratio - middle).max(-1) / OUTLIER) ** 4)

@@ -8,8 +8,8 @@ from dubbing.compositing.grade import (
     CHANGES_FROM,
     LUMA,
     NEUTRAL,
-    colours,
     graded,
+    graded_colours,
     grades,
     measured,
     noticed,
@@ -53,7 +53,7 @@ def test_a_grade_is_measured_whatever_the_light(grade: tuple[float, float, float
         return float(np.abs(apart[50:60, 30:58]).mean())
 
     right = off(picture / LAMP)
-    assert off(colours(own, found[:3])) - right < 0.3 * (off(own) - right)
+    assert off(graded_colours(own, found[:3])) - right < 0.3 * (off(own) - right)
 
 
 def test_a_film_of_the_same_grade_changes_nothing() -> None:
