@@ -26,6 +26,8 @@ ROUNDS = 3  # of grabCut
 SOFT = 1.0  # px at 512, the edge of a mask
 FADED, WHOLE = 0.05, 0.3  # of a coarse mask, where a fine one ends and is 1: the edge lies outside
 BITE, STRIP = 3, 1  # px of the frame of the face: what a shine bites off, and a gap of the lips
+RAGGED = 2  # px of it by which a coarse mask may extend beyond a fine one
+TOLD = 0.8  # of a piece in a fine mask: all of it is that thing, and the fine mask has its edges
 
 
 def unexplained(compared: Compared, usual: np.ndarray) -> np.ndarray:
@@ -153,6 +155,22 @@ def without_dents(piece: np.ndarray, compared: Compared) -> np.ndarray:
     hull = np.zeros(piece.shape, np.uint8)
     cv2.fillConvexPoly(hull, cv2.convexHull(np.concatenate(contours)), 1)
     return piece | ((hull > 0) & (compared.apart > APART))
+
+
+def beside_told(over: np.ndarray, told: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
+    """What lies over the face, (H, W) bool, without pieces that the preparation has found, too.
+
+    A cut in the frame of the face is coarse: beside a graphic it takes lips along.
+
+    Args:
+        told: (S, S) uint8, the preparation's mask. landmarks: (478, 2) px of it.
+    """
+    fine = cv2.warpAffine(told, to_face(landmarks), (W, H), flags=cv2.INTER_LINEAR) > 127
+    fine = dilate(fine, RAGGED)
+    _, pieces = cv2.connectedComponents(over.astype(np.uint8))
+    size = np.bincount(pieces.ravel())
+    inside = np.bincount(pieces[fine], minlength=len(size))
+    return np.asarray(over & (inside < TOLD * size)[pieces])
 
 
 def steady(seeds: list[np.ndarray]) -> list[np.ndarray]:

@@ -35,6 +35,7 @@ from dubbing.heads.comparison import (
     usual_difference,
 )
 from dubbing.heads.cover_cut import (
+    beside_told,
     followed,
     is_large,
     is_like_skin,
@@ -68,9 +69,14 @@ class Cover:
     pixels: np.ndarray
     hands: list[np.ndarray]
 
-    def mask(self, image: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
-        """Mask (S, S) uint8 for a crop (S, S, 3) in which the face has landmarks (478, 2)."""
-        rest = mask_of(self.pixels, image, landmarks)
+    def mask(self, image: np.ndarray, told: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
+        """Mask (S, S) uint8 for a crop (S, S, 3) in which the face has landmarks (478, 2).
+
+        Args:
+            told: (S, S) uint8, the preparation's mask, which is in it.
+        """
+        rest = mask_of(beside_told(self.pixels, told, landmarks), image, landmarks)
+        rest = np.maximum(rest, told)
         return np.maximum(rest, hand_mask(image, self.hands)) if self.hands else rest
 
 
@@ -101,7 +107,7 @@ def find_covers(
         for t, frame in enumerate(frames, first):
             mask = np.zeros((clip.size,) * 2, np.uint8) if frame.overlay is None else frame.overlay
             if t in over:
-                mask = np.maximum(mask, over[t].mask(frame.image, clip.landmarks[t]))
+                mask = over[t].mask(frame.image, mask, clip.landmarks[t])
             video.write(mask)
         if not shows.any():
             video.write(np.zeros((clip.size,) * 2, np.uint8))

@@ -24,6 +24,7 @@ from dubbing.heads.comparison import (
     usual_difference,
 )
 from dubbing.heads.cover_cut import (
+    beside_told,
     followed,
     is_large,
     is_like_skin,
@@ -260,6 +261,25 @@ def test_skin_beside_what_lies_over_a_face_is_skin() -> None:
     cover = told_apart(like_skin, both, both, [np.zeros((21, 3))], [hand])
     assert cover is not None
     np.testing.assert_array_equal(cover.pixels, thing)
+
+
+def test_a_graphic_that_is_known_has_the_edges_that_are_known() -> None:
+    """A cut in the frame of the face would take lips beside it along."""
+    landmarks = np.zeros((478, 2))
+    landmarks[[33, 263]] = (96, 96), (180, 96)  # a crop three times as large
+    told = np.zeros((300, 300), np.uint8)
+    turn = cv2.invertAffineTransform(to_face(landmarks))
+    places = np.array([[10.0, 56], [78, 68]]) @ turn[:, :2].T + turn[:, 2]
+    (left, top), (right, bottom) = places.round().astype(int)
+    told[top:bottom, left:right] = 255
+    coarse, thing = np.zeros((2, H, W), bool)
+    coarse[54:70, 12:76] = thing[26:34, 20:30] = True
+    assert not beside_told(coarse, told, landmarks).any()
+    np.testing.assert_array_equal(beside_told(coarse | thing, told, landmarks), thing)
+    # Of a thing that is known in part the cut tells the rest.
+    thing[26:56, 20:30] = True
+    both = coarse | thing
+    assert beside_told(both, told, landmarks)[thing].all()
 
 
 def test_a_shade_hides_no_face() -> None:
