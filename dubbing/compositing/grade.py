@@ -6,8 +6,9 @@ too black. Where film and head show the same face with the same lips, the film's
 
     gain * (contrast * colour + grey * luma + black)
 
-by least squares. The gain is the light, which varies slowly over the face. A grade is contrast,
-grey and black, (3,); `NEUTRAL` changes nothing.
+by least squares in which outliers hardly count (Geman and McClure 1987). The gain is the light,
+which varies slowly over the face. A grade is contrast, grey and black, (3,); `NEUTRAL` changes
+nothing.
 """
 
 from collections.abc import Sequence
@@ -21,7 +22,7 @@ NEUTRAL = np.array([1.0, 0, 0])
 SLOW = 9.0  # px at `comparison.EYES`, Gaussian: what varies more slowly is light
 ROUNDS = 3  # of least squares, each with the light and the weights of the one before
 STEADY = 3.0  # grey levels: keeps a grade neutral where colours are alike
-HUBER = 1.5  # deviations from which on a place counts less: hair falls, a hand comes
+APART = 3.0  # deviations at which a place counts a quarter: a hand, a caption may lie there
 LEAST = 300  # px of a face
 WHITE = 255.0
 MOST = 95  # percent of the colours that are changed by less than the grade's change
@@ -54,16 +55,20 @@ def measured(picture: np.ndarray, head: np.ndarray, known: np.ndarray) -> np.nda
         image = cv2.GaussianBlur(image, (0, 0), SLOW).reshape(image.shape)
         return np.asarray(image[known], np.float64)
 
-    for _ in range(ROUNDS):
+    # Begun with what a neutral grade does not explain: most of a face that a picture lies over is
+    # still its own, and decides.
+    for done in range(ROUNDS + 1):
         near = np.maximum(around(np.ones((len(own), 1))), 1e-3)
         middle = np.maximum(around(film) / near, 1)
         # What is left of `film / middle * terms' middle = terms`, once the light is taken out.
         left = np.stack([film / middle * (around(term) / near) - term for term in terms])
         free = left[1:] - share[:, None, None] * left[0]
-        square = np.einsum("n,inc,jnc->ij", weight, free, free) + np.eye(2) * STEADY**2 * len(own)
-        rest = -np.linalg.solve(square, np.einsum("n,inc,nc->i", weight, free, left[0]))
+        if done:
+            square = np.einsum("n,inc,jnc->ij", weight, free, free)
+            square += np.eye(2) * STEADY**2 * len(own)
+            rest = -np.linalg.solve(square, np.einsum("n,inc,nc->i", weight, free, left[0]))
         off = np.abs(left[0] + np.tensordot(rest, free, 1)).max(1)
-        weight = 1 / np.maximum(1, off / (HUBER * (1.4826 * float(np.median(off)) + 1)))
+        weight = 1 / (1 + (off / (APART * (1.4826 * float(np.median(off)) + 1))) ** 2) ** 2
     of = np.array([1 - share @ rest, *rest])
     change = np.percentile(np.abs(np.tensordot(of, terms, 1) - own).max(1), MOST)
     return np.append(of * (1, 1, WHITE), change)

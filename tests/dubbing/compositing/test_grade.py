@@ -57,11 +57,15 @@ def test_a_grade_is_measured_whatever_the_light(grade: tuple[float, float, float
 
 
 def test_a_film_of_the_same_grade_changes_nothing() -> None:
-    """Nor does one with a hand over a part of the face, or of which too little is seen."""
+    """Nor does one with something over a part of the face, or of which too little is seen."""
     same = film(1, 1, 0)
-    hand = same.copy()
+    hand, picture_in_picture = same.copy(), same.copy()
     hand[20:45, 8:30] = 120, 70, 50
-    for picture, known in ((same, FACE), (hand, FACE), (film(0.7, 1, 60), FACE & False)):
+    rows, across = np.mgrid[0:40, 0:36]
+    picture_in_picture[36:76, 4:40] = np.where((rows // 8 + across // 8) % 2, 230, 20)[..., None]
+    picture_in_picture[36:76, 4:40, 2] *= 0.2
+    faces = (same, FACE), (hand, FACE), (picture_in_picture, FACE), (film(0.7, 1, 60), FACE & False)
+    for picture, known in faces:
         np.testing.assert_array_equal(noticed(measured(picture, head(), known)), NEUTRAL)
 
 
