@@ -48,6 +48,7 @@ AROUND = 100  # frames before and after a detection in which the graphic may be 
 LINE = 0.3  # eye distances that the rows of a graphic extend beyond its detections
 OUTLINE = 0.07  # eye distances round its colours: outlines and shadows of letters
 EVEN = 0.65  # share of its colours in the pixels round one of an even surface
+HOLE = 0.1  # of a graphic: what is less has the colours of skin by chance
 AROUND_EVEN = np.ones((3, 3), np.uint8)  # round it: its edge, blurred by an encoder
 
 
@@ -194,11 +195,14 @@ class Overlay:
         # Of a lip or a glint a few pixels have a graphic's colour, too.
         small = np.flatnonzero(stats[:, cv2.CC_STAT_AREA] < LEAST_AREA * eyes**2)
         closed[np.isin(piece, small)] = 0
+        closed = _without_holes(closed)
         # An even surface ends where it ends; letters have outlines and shadows.
         dense = cv2.blur(mask.astype(np.float32), (4 * reach + 1,) * 2) > EVEN
         even = cv2.morphologyEx(np.where(dense, closed, 0), cv2.MORPH_OPEN, round_)
         even = np.maximum(even, veils(image, closed))
-        letters = np.where(cv2.dilate(even, round_), 0, closed)
+        around = cv2.dilate(even, round_)  # at its edge, fewer pixels have its colours
+        even = np.maximum(even, np.where(around, closed, 0))
+        letters = np.where(around, 0, closed)
         parts = cv2.dilate(letters, round_), cv2.dilate(even, AROUND_EVEN)
         return np.asarray(np.maximum(*parts) * 255)
 
@@ -211,6 +215,16 @@ class Overlay:
         back = cv2.invertAffineTransform(turn)
         places = cv2.warpAffine(1 + settled.astype(np.uint8), back, (size, size))
         return places > 0, places > 1
+
+
+def _without_holes(mask: np.ndarray) -> np.ndarray:
+    """A mask (S, S) uint8 whose parts have no small holes."""
+    contours, tree = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    for k, contour in enumerate(contours):
+        outside = tree[0, k, 3]
+        if outside >= 0 and cv2.contourArea(contour) < HOLE * cv2.contourArea(contours[outside]):
+            cv2.drawContours(mask, contours, k, 1, cv2.FILLED)
+    return mask
 
 
 def _over_face(mask: np.ndarray, points: np.ndarray) -> np.ndarray:

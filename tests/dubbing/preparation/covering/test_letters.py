@@ -1,5 +1,6 @@
 """Lines of letters, and boxes behind them."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -32,6 +33,24 @@ def test_a_mouth_that_is_open_behind_it_does_not_hide_it() -> None:
     image, letters = caption(0.6, 0)
     image[44:64, 50:70] = 20
     assert (veils(image, letters)[BOX] > 0).mean() > 0.99
+
+
+def test_a_box_goes_on_beside_its_letters_and_may_have_round_corners() -> None:
+    image, letters = caption(0.0, 0)
+    box = np.zeros((S, S), np.uint8)
+    cv2.rectangle(box, (32, 56), (100, 76), 1, -1)
+    cv2.rectangle(box, (24, 63), (110, 69), 1, -1)
+    for x, y in ((32, 63), (32, 69), (102, 63), (102, 69)):
+        cv2.circle(box, (x, y), 7, 1, -1)
+    bare = (box > 0) & (letters == 0)
+    image[bare] = 20
+    image[LETTERS][:, 1::2] = 20
+    for mouth in (False, True):
+        if mouth:
+            image[44:56, 46:64] = 20
+        found = veils(image, letters) > 0
+        assert found[box > 0].mean() > 0.97
+        assert found[box == 0].sum() < 0.15 * box.sum()
 
 
 def test_letters_without_a_box_have_none() -> None:

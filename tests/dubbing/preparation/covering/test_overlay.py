@@ -47,6 +47,10 @@ def logo(picture: np.ndarray, _frame: int, chin: np.ndarray) -> None:
     cv2.circle(picture, (int(chin[0]) + 9, int(chin[1]) - 8), 3, (30, 220, 40), -1)
 
 
+def sticker(picture: np.ndarray, _frame: int, chin: np.ndarray) -> None:
+    cv2.circle(picture, (int(chin[0]), int(chin[1])), 7, (250, 210, 40), -1)
+
+
 def seldom(draw: Draw) -> Draw:
     return lambda picture, frame, chin: draw(picture, frame, chin) if 6 <= frame < 13 else None
 
@@ -77,8 +81,9 @@ def look(frames: np.ndarray, points: np.ndarray, out: Path) -> tuple[np.ndarray,
         text("NOW", (0, 230, 60), outline=False),
         bar,
         logo,
+        sticker,
     ],
-    ids=["white", "yellow", "white for a moment", "green", "lower third", "logo"],
+    ids=["white", "yellow", "white for a moment", "green", "lower third", "logo", "sticker"],
 )
 @pytest.mark.parametrize("name", ["alba", "chidi"])
 def test_what_lies_over_the_chin_is_found_to_the_pixel(
