@@ -159,7 +159,7 @@ def _kind(part: dict[str, Any]) -> str:  # noqa: PLR0911
         return f"list of {_kind(part['items'])}"
     if kind == "string":
         return FORMATS.get(part.get("format", ""), "text")
-    if part.get("maximum") == LONGEST_SECONDS:
+    if kind == "number" and part.get("maximum") == LONGEST_SECONDS:
         return "seconds"
     return "`true`, `false`" if kind == "boolean" else kind + _limits(part)
 
