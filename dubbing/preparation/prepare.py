@@ -40,11 +40,11 @@ from dubbing.preparation.file_names import CONTACT_SHEET
 from dubbing.preparation.matting.masks import matte_step
 from dubbing.preparation.prepared import BACKGROUND, HEAD_RADIUS, MATTE, OVERLAY, PreparedClip
 from dubbing.preparation.steps import STEPS, Steps
-from dubbing.preparation.tracking import tracking
+from dubbing.preparation.tracking import detection, tracking
 from dubbing.preparation.tracking.cut_line import jaw_outline
+from dubbing.preparation.tracking.detection import Arrays
 from dubbing.preparation.tracking.portraits import Portrait
 from dubbing.preparation.tracking.reach import views_of
-from dubbing.preparation.tracking.tracking import Arrays
 from dubbing.preparation.tracking.warnings import face_warnings_of, warnings_of
 from dubbing.preparation.turning.head_surface import HeadSurface
 from dubbing.preparation.turning.profile_lips import LipShapes, Profiles, told_lengths
@@ -127,11 +127,11 @@ def _track(
     Args:
         info: of the frames that are prepared. first: of them in the clip.
     """
-    surveyed = steps.run("faces", partial(tracking.survey_step, info, first, people))
+    surveyed = steps.run("faces", partial(detection.survey_step, info, first, people))
     # A small source keeps its own pixels: enlarging them costs time and adds nothing.
     size = min(most_px, int(surveyed["window"][:, 2].max()) // 8 * 8)
     masks = [steps.folder / name for name in (CROPS, PERSON, OPACITY)]
-    landmark_step = partial(tracking.landmark_step, info, first, size, surveyed, steps.folder)
+    landmark_step = partial(detection.landmark_step, info, first, size, surveyed, steps.folder)
     detected = steps.run("landmarks", landmark_step, *masks)
     observed = tracking.observations(info, size, surveyed, detected)
     segment = surveyed["segment"]

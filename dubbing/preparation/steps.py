@@ -16,7 +16,7 @@ from dubbing.engine.graph.stage import Progress, ReportShare
 from dubbing.errors import PreparationError
 from dubbing.preparation.file_names import SUMMARY
 from dubbing.preparation.prepared import VERSION
-from dubbing.preparation.tracking.tracking import Arrays
+from dubbing.preparation.tracking.detection import Arrays
 
 STEPS, LAYOUT = "steps", 8  # the folder of the steps, and the version of its files
 # Shares of the steps in the time of a preparation, 13 s at 512 px.

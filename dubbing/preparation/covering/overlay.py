@@ -8,16 +8,23 @@ and rows are masked, also on the neck. T frames, S side of the crop in px.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 
 from dubbing.engine.graph.stage import ReportShare
-from dubbing.face.mesh_points import FACE_OVAL, NOSE_BASE
-from dubbing.face.mouth.mouth_shape import INNER_LIP, OUTER_LIP
+from dubbing.face.mesh_points import NOSE_BASE
+from dubbing.face.mouth.mouth_shape import OUTER_LIP
 from dubbing.media import MediaInfo, VideoWriter
+from dubbing.preparation.covering.graphic import (
+    Detection,
+    main_colours,
+    mouth,
+    over_face,
+    without_holes,
+    ycc,
+)
 from dubbing.preparation.covering.letters import beside, veils
 from dubbing.preparation.covering.occlusion import regions
 from dubbing.preparation.covering.usual_colours import (
@@ -31,39 +38,21 @@ from dubbing.preparation.covering.usual_colours import (
     upright,
 )
 from dubbing.preparation.crops.threads import in_order
-from dubbing.preparation.tracking.tracking import Arrays
+from dubbing.preparation.tracking.detection import Arrays
 
 FRAMES = 150  # from which usual colours are taken
 EVERY = 2  # frames from one in which detections are made to the next
 BEYOND = 25.0  # levels from usual colours
 LEAST_AREA = 0.002  # of the squared eye distance, in one piece; 0 on clips without graphics
 DARKEST = 0.25  # gain of the light: below, noise is as strong as colours
-LIPS = 0.08  # eye distances round the inner lips, where teeth and tongue have any colour
 NEAR = 40.0  # levels between colours of one graphic, at most this share
 SHARPER = 0.6  # of its distance from skin
-COLOURS = 3  # of a graphic
-MOST_PIXELS = 4000  # from which these are clustered
 LEAST_SHARE = 0.2  # of a detection's pixels that are not of a skin colour
 AROUND = 100  # frames before and after a detection in which the graphic may be visible
 LINE = 0.3  # eye distances that the rows of a graphic extend beyond its detections
 OUTLINE = 0.07  # eye distances round its colours: outlines and shadows of letters
 EVEN = 0.65  # share of its colours in the pixels round one of an even surface
-HOLE = 0.1  # of a graphic: what is less has the colours of skin by chance
 AROUND_EVEN = np.ones((3, 3), np.uint8)  # round it: its edge, blurred by an encoder
-
-
-@dataclass(frozen=True)
-class Detection:
-    """Unusual colours in one frame.
-
-    Their first and last row (px of the crop), colours (N, 3), and whether they touch the mouth.
-    """
-
-    frame: int
-    top: int
-    bottom: int
-    colours: np.ndarray
-    at_mouth: bool
 
 
 class Overlay:
@@ -184,7 +173,7 @@ class Overlay:
             exact[top:bottom] |= away < reach / 2
         near_face, settled = self._places(t, usual)
         mask[~near_face] = 0
-        mask[settled & ~_over_face(exact, points)] = 0
+        mask[settled & ~over_face(exact, points)] = 0
         if not any(detection.at_mouth for detection in near if abs(detection.frame - t) < EVERY):
             lips = mouth(points, eyes, (size, size)).astype(np.uint8)
             mask[(lips > 0) & (beside(mask, lips) == 0)] = 0
@@ -195,7 +184,7 @@ class Overlay:
         # Of a lip or a glint a few pixels have a graphic's colour, too.
         small = np.flatnonzero(stats[:, cv2.CC_STAT_AREA] < LEAST_AREA * eyes**2)
         closed[np.isin(piece, small)] = 0
-        closed = _without_holes(closed)
+        closed = without_holes(closed)
         # An even surface ends where it ends; letters have outlines and shadows.
         dense = cv2.blur(mask.astype(np.float32), (4 * reach + 1,) * 2) > EVEN
         even = cv2.morphologyEx(np.where(dense, closed, 0), cv2.MORPH_OPEN, round_)
@@ -217,24 +206,6 @@ class Overlay:
         return places > 0, places > 1
 
 
-def _without_holes(mask: np.ndarray) -> np.ndarray:
-    """A mask (S, S) uint8 whose parts have no small holes."""
-    contours, tree = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
-    for k, contour in enumerate(contours):
-        outside = tree[0, k, 3]
-        if outside >= 0 and cv2.contourArea(contour) < HOLE * cv2.contourArea(contours[outside]):
-            cv2.drawContours(mask, contours, k, 1, cv2.FILLED)
-    return mask
-
-
-def _over_face(mask: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Pixels (S, S) bool of the components of a mask that extend into the face."""
-    face = np.zeros_like(mask)
-    cv2.fillPoly(face, [points[list(FACE_OVAL), :2].round().astype(np.int32)], 1)
-    _, piece = cv2.connectedComponents(mask)
-    return np.isin(piece, np.setdiff1d(piece[(face > 0) & (mask > 0)], 0))
-
-
 def overlay_step(overlay: Overlay, out: Path, info: MediaInfo, progress: ReportShare) -> Arrays:
     """Write OUT: a mask of every frame, or a single empty one if nothing lies over the face.
 
@@ -250,37 +221,3 @@ def overlay_step(overlay: Overlay, out: Path, info: MediaInfo, progress: ReportS
             video.write(mask)
             over[t] = mask.any()
     return {"over": over}
-
-
-def main_colours(detections: Sequence[Detection]) -> np.ndarray:
-    """The main colours (K, 3) of detections, by k-means."""
-    if not detections:
-        return np.zeros((0, 3), np.float32)
-    pixels = np.concatenate([detection.colours for detection in detections])
-    pixels = np.ascontiguousarray(pixels[:: len(pixels) // MOST_PIXELS + 1])
-    if len(pixels) <= COLOURS:
-        return pixels
-    criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 20, 1.0)
-    cv2.setRNGSeed(0)
-    labels = np.zeros((len(pixels), 1), np.int32)
-    flags = cv2.KMEANS_PP_CENTERS
-    _, _, centres = cv2.kmeans(pixels, COLOURS, labels, criteria, 1, flags)
-    return np.asarray(centres)
-
-
-def mouth(points: np.ndarray, eyes: float, shape: tuple[int, ...]) -> np.ndarray:
-    """Pixels (H, W) bool between the lips and close to them, of a face with points (P, 2) px.
-
-    Args:
-        eyes: distance between the outer corners of the eyes, px. shape: (H, W).
-    """
-    inner = np.zeros(shape, np.uint8)
-    cv2.fillPoly(inner, [points[list(INNER_LIP), :2].round().astype(np.int32)], 1)
-    reach = max(1, round(LIPS * eyes))
-    return cv2.dilate(inner, np.ones((2 * reach + 1, 2 * reach + 1))) > 0
-
-
-def ycc(pixels: np.ndarray) -> np.ndarray:
-    """RGB (..., 3) uint8 as Y, Cr, Cb float32."""
-    flat = pixels.reshape(1, -1, 3)
-    return np.asarray(cv2.cvtColor(flat, cv2.COLOR_RGB2YCrCb).reshape(pixels.shape), np.float32)

@@ -5,9 +5,10 @@ import numpy as np
 from dubbing.face.finding.landmarks import face_width
 from dubbing.media import MediaInfo
 from dubbing.preparation.alignment.camera import Poses
+from dubbing.preparation.tracking.detection import Arrays
 from dubbing.preparation.tracking.likeness import FARTHEST
 from dubbing.preparation.tracking.reach import angles_of, hidden, reach_of, views_of
-from dubbing.preparation.tracking.tracking import APART, HIDDEN, Arrays
+from dubbing.preparation.tracking.tracking import APART, HIDDEN
 
 SMALL_FACE = 64  # source px: the landmarks are 1.7 px off
 LARGE_YAW = 35.0  # degrees
