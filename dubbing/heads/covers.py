@@ -9,14 +9,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 import torch
-from scipy.spatial.transform import Rotation, Slerp
 
-from dfrf.method_interface import Maps, Method
+from dfrf.method_interface import Maps
 from dfrf.model_interface import HeadModel
 from dfrf.presets import method_of
 from dubbing.compositing.grade import NEUTRAL, grades
@@ -24,14 +22,11 @@ from dubbing.compositing.jaw_line import ANGLES, jaw_lines
 from dubbing.engine.disk.files import atomic_path
 from dubbing.engine.graph.stage import Progress
 from dubbing.face.finding.hand_finder import HandFinder
-from dubbing.face.mesh_points import RIGID
 from dubbing.heads.comparison import (
-    AWRY,
     Compared,
     Comparison,
     images,
     is_awry,
-    off_by,
     usual_difference,
 )
 from dubbing.heads.cover_cut import (
@@ -45,9 +40,9 @@ from dubbing.heads.cover_cut import (
     without_dents,
 )
 from dubbing.heads.hand_cut import hand_mask, in_face, lies_over
-from dubbing.heads.pose_refinement import refined, trust
+from dubbing.heads.mended_poses import with_poses_mended
+from dubbing.heads.pose_refinement import trust
 from dubbing.media import VideoWriter
-from dubbing.preparation.alignment.camera import Poses, project, to_camera
 from dubbing.preparation.head_findings import COVERED_FILE, COVERS_FILE
 from dubbing.preparation.prepared import PreparedClip
 
@@ -58,7 +53,6 @@ EVERY = 3  # frames between two that are looked at first
 MOST_USUAL = 0.18
 BESIDE = 6  # frames round one with something over the face
 RUN = 500  # frames at most that are looked at together
-FITTING = 0.2  # eye distances of a firm point from that of the mean face
 BRIEF = 0.3  # s: nothing that hides a face, and has its colours, is there for less
 
 
@@ -160,7 +154,7 @@ def _covers(
         jaw[frames] = jaw_lines(some[free], [looked[k].jaw for k in np.flatnonzero(free)], frames)
         grade[frames] = grades(some, [seen.grade for seen in looked], frames)
         for run in runs_of(near):
-            clip, awry = _with_poses_mended(method, maps, clip, run, usual)
+            clip, awry = with_poses_mended(method, maps, clip, run, usual)
             compared = list(Comparison(method, maps, clip).look(run))
             seeds = steady([unexplained(c, always) for c in compared])
             found = followed(compared, seeds)
@@ -205,57 +199,6 @@ def told_apart(
         elif (piece & near).any():
             pixels |= piece
     return Cover(pixels, hands) if hands or pixels.any() else None
-
-
-def _with_poses_mended(
-    method: Method[Any, Any],
-    maps: Maps | None,
-    clip: PreparedClip,
-    run: np.ndarray,
-    usual: np.ndarray,
-) -> tuple[PreparedClip, set[int]]:
-    """The clip with other poses and landmarks of those frames of a run whose head lies awry.
-
-    What hides a face moves its landmarks. The pose begins between those of the frames around, and
-    is refined; landmarks that do not fit it become those of the mean face in that pose. Where that
-    lies no better, as where a head is shaken, all stays.
-
-    Returns:
-        The clip, and these frames.
-    """
-    before = np.array([off_by(c, usual) for c in Comparison(method, maps, clip).look(run)])
-    awry = run[before > AWRY]
-    beside_face = set(awry.tolist())
-    awry = np.intersect1d(run, np.add.outer(awry, (-1, 0, 1)))
-    rest = np.flatnonzero(clip.valid & (clip.segment == clip.segment[run[0]]))
-    rest = np.setdiff1d(rest, awry)
-    if not len(awry) or not len(rest):
-        return clip, beside_face
-    rotation, translation = clip.rotation.copy(), clip.translation.copy()
-    turns = Slerp(rest, Rotation.from_matrix(clip.rotation[rest])) if len(rest) > 1 else None
-    inside = awry[(awry > rest[0]) & (awry < rest[-1])]
-    if turns is not None and len(inside):
-        rotation[inside] = turns(inside).as_matrix()
-        for axis in range(3):
-            translation[inside, axis] = np.interp(inside, rest, clip.translation[rest, axis])
-    between = replace(clip, rotation=rotation, translation=translation)
-    posed = refined(method.model, maps, between, awry)
-    landmarks = clip.landmarks.copy()
-    poses = Poses(posed.rotation[awry], posed.translation[awry])
-    mean = project(to_camera(poses, clip.shape), clip.focal, clip.centre[awry])
-    off = np.linalg.norm((landmarks[awry] - mean)[:, list(RIGID)], axis=2).max(1)
-    fit = off < FITTING * clip.eye_distances()[awry]
-    landmarks[awry] = np.where(fit[:, None, None], landmarks[awry], mean)
-    posed = replace(posed, landmarks=landmarks)
-    after = np.array([off_by(c, usual) for c in Comparison(method, maps, posed).look(awry)])
-    worse = awry[after > before[np.isin(run, awry)]]
-    for array, old in (
-        (posed.rotation, clip.rotation),
-        (posed.translation, clip.translation),
-        (posed.landmarks, clip.landmarks),
-    ):
-        array[worse] = old[worse]
-    return posed, beside_face
 
 
 def lasting(hidden: set[int], least: float) -> set[int]:

@@ -13,7 +13,7 @@ import pytest
 import torch
 
 from dfrf.method_interface import Method
-from dubbing.heads import covers
+from dubbing.heads import covers, mended_poses
 from dubbing.heads.comparison import (
     Compared,
     H,
@@ -339,11 +339,11 @@ def test_a_pose_becomes_that_between_others_where_the_head_then_lies_better(
     clip = film(tmp_path, 9)
     clip.translation[SHAKEN, 0] = 0.5
     monkeypatch.setattr(Looks, "true", true)
-    monkeypatch.setattr(covers, "Comparison", Looks)
-    monkeypatch.setattr(covers, "off_by", lambda compared, _: compared)
-    monkeypatch.setattr(covers, "refined", lambda _model, _maps, clip, _frames: clip)
+    monkeypatch.setattr(mended_poses, "Comparison", Looks)
+    monkeypatch.setattr(mended_poses, "off_by", lambda compared, _: compared)
+    monkeypatch.setattr(mended_poses, "refined", lambda _model, _maps, clip, _frames: clip)
     method = cast(Method[Any, Any], SimpleNamespace(model=None))
-    found, awry = covers._with_poses_mended(method, None, clip, np.arange(9), USUAL)
+    found, awry = mended_poses.with_poses_mended(method, None, clip, np.arange(9), USUAL)
     assert awry == {SHAKEN}
     np.testing.assert_allclose(found.translation[:, 0], clip.translation[:, 0] * (true > 0))
     assert clip.translation[SHAKEN, 0] == 0.5
