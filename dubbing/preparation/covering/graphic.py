@@ -14,6 +14,9 @@ from dubbing.face.mouth.mouth_shape import INNER_LIP
 LIPS = 0.08  # eye distances round the inner lips, where teeth and tongue have any colour
 COLOURS = 3  # of a graphic
 MOST_PIXELS = 4000  # from which these are clustered
+OUTLINED = (
+    0.5  # of the pixels at a distance from letters have unusual colours, if an outline is there
+)
 HOLE = 0.1  # of a graphic: what is less has the colours of skin by chance
 
 
@@ -63,6 +66,21 @@ def ycc(pixels: np.ndarray) -> np.ndarray:
     """RGB (..., 3) uint8 as Y, Cr, Cb float32."""
     flat = pixels.reshape(1, -1, 3)
     return np.asarray(cv2.cvtColor(flat, cv2.COLOR_RGB2YCrCb).reshape(pixels.shape), np.float32)
+
+
+def outline(letters: np.ndarray, bare: np.ndarray, odd: np.ndarray, most: int) -> int:
+    """Px that the outline of letters is wide, where skin is round them; 1 at least, an edge.
+
+    Args:
+        letters: (S, S) uint8, 1 there. bare: (S, S) bool, skin. odd: of it what has unusual
+            colours. most: px, at most.
+    """
+    away = cv2.distanceTransform(1 - letters, cv2.DIST_L2, 3)
+    for width in range(most, 1, -1):
+        ring = bare & (away > width - 1) & (away <= width)
+        if ring.any() and odd[ring].mean() > OUTLINED:
+            return width
+    return 1
 
 
 def without_holes(mask: np.ndarray) -> np.ndarray:

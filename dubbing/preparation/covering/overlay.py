@@ -15,12 +15,15 @@ import numpy as np
 
 from dubbing.engine.graph.stage import ReportShare
 from dubbing.face.mesh_points import NOSE_BASE
+from dubbing.face.mouth.lip_region import lip_region
 from dubbing.face.mouth.mouth_shape import OUTER_LIP
 from dubbing.media import MediaInfo, VideoWriter
 from dubbing.preparation.covering.graphic import (
+    LIPS,
     Detection,
     main_colours,
     mouth,
+    outline,
     over_face,
     without_holes,
     ycc,
@@ -38,6 +41,7 @@ from dubbing.preparation.covering.usual_colours import (
     upright,
 )
 from dubbing.preparation.crops.threads import in_order
+from dubbing.preparation.matting.matting import dilate
 from dubbing.preparation.tracking.detection import Arrays
 
 FRAMES = 150  # from which usual colours are taken
@@ -171,7 +175,7 @@ class Overlay:
             away = np.linalg.norm(rows - colour, axis=-1)
             mask[top:bottom] |= away < reach
             exact[top:bottom] |= away < reach / 2
-        near_face, settled = self._places(t, usual)
+        near_face, settled, bare, odd = self._places(t, usual)
         mask[~near_face] = 0
         mask[settled & ~over_face(exact, points)] = 0
         if not any(detection.at_mouth for detection in near if abs(detection.frame - t) < EVERY):
@@ -192,18 +196,32 @@ class Overlay:
         around = cv2.dilate(even, round_)  # at its edge, fewer pixels have its colours
         even = np.maximum(even, np.where(around, closed, 0))
         letters = np.where(around, 0, closed)
-        parts = cv2.dilate(letters, round_), cv2.dilate(even, AROUND_EVEN)
-        return np.asarray(np.maximum(*parts) * 255)
+        wide = cv2.dilate(letters, round_)
+        lips = dilate(lip_region(points[:, :2], size), LIPS * eyes)
+        if (lips & (wide > 0)).any():  # between letters there, and beside them, are film's lips
+            fine = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, AROUND_EVEN) & letters
+            narrow = dilate(fine > 0, outline(fine, bare, odd, reach))
+            wide = np.where(lips, narrow, wide)
+        return np.asarray(np.maximum(wide, cv2.dilate(even, AROUND_EVEN)) * 255)
 
-    def _places(self, t: int, usual: UsualColours) -> tuple[np.ndarray, np.ndarray]:
-        """Pixels (S, S) bool whose usual colours are known, and those that never change."""
+    def _places(self, t: int, usual: UsualColours) -> list[np.ndarray]:
+        """Pixels (S, S) bool whose usual colours are known, and of these those that never change.
+
+        Then the face beside the mouth, and what of it has unusual colours.
+        """
         points, size = self.points[t], len(self.crops[t])
         turn = to_face(points)
-        inside = inside_face(points[:, :2] @ turn[:, :2].T + turn[:, 2])
-        settled = usual.settled(self._colours(t, upright(self.crops[t], points)), inside)
+        upright_points = points[:, :2] @ turn[:, :2].T + turn[:, 2]
+        inside = inside_face(upright_points)
+        colours = self._colours(t, upright(self.crops[t], points))
+        bare = inside & ~mouth(upright_points, EYES, inside.shape)
+        odd = bare & (usual.beyond(usual.evenly_lit(colours, bare), inside) > BEYOND / 2)
+        found = np.ones_like(inside), usual.settled(colours, inside), bare, odd
         back = cv2.invertAffineTransform(turn)
-        places = cv2.warpAffine(1 + settled.astype(np.uint8), back, (size, size))
-        return places > 0, places > 1
+        return [
+            cv2.warpAffine(one.astype(np.uint8), back, (size, size), flags=cv2.INTER_NEAREST) > 0
+            for one in found
+        ]
 
 
 def overlay_step(overlay: Overlay, out: Path, info: MediaInfo, progress: ReportShare) -> Arrays:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from dubbing.face.finding.landmarks import FaceMesh
+from dubbing.face.mouth.lip_region import lip_region
 from dubbing.media import read_frames
 from dubbing.preparation.covering.occlusion import covered_step
 from dubbing.preparation.covering.overlay import Overlay, overlay_step
@@ -103,6 +104,23 @@ def test_what_lies_over_the_chin_is_found_to_the_pixel(
     assert over[drawn.any((1, 2))].all()
     lips = np.median(points[:, [13, 14], :2], (0, 1)).round().astype(int)
     assert not masks[:, lips[1], lips[0]].any()  # the mouth is dubbed
+
+
+def test_between_letters_on_the_mouth_the_films_lips_do_not_stay(
+    people: dict[str, np.ndarray], tmp_path: Path
+) -> None:
+    clean, frames = people["alba"], people["alba"].copy()
+    points = meshes(clean)
+    lips = np.median(points[:, [13, 14], :2], (0, 1)).round().astype(int)
+    for t, picture in enumerate(frames):
+        text("OXOXO", (0, 230, 60), outline=False)(picture, t, lips + np.array([-4, 5]))
+    masks, over = look(frames, points, tmp_path / "o.mkv")
+    assert over.all()
+    letters = np.abs(frames.astype(int) - clean).max(-1) > MEDIUM_GREY // 4
+    beside = np.array([cv2.dilate(one.astype(np.uint8), np.ones((3, 3))) for one in letters]) == 0
+    mouths = np.array([lip_region(face[:, :2], clean.shape[1]) for face in points])
+    assert (masks > 0)[letters & mouths].mean() > 0.9
+    assert (masks > 0)[beside & mouths].mean() < 0.1
 
 
 def test_a_pixel_of_a_captions_colour_is_no_caption(
