@@ -11,7 +11,7 @@ from dubbing.errors import MediaError, PreparationError
 from dubbing.media import VideoWriter, read_frames
 from dubbing.preparation.prepare import prepare
 from dubbing.preparation.prepared import PreparedClip
-from dubbing.preparation.tracking import tracking
+from dubbing.preparation.tracking import detection
 from dubbing.workshop.synthetic.speaker import SpeakerTruth, make_speaker
 from tests import clips
 
@@ -136,8 +136,8 @@ def test_what_only_looked_like_a_face_gives_a_remedy(
     seen = {"segment": np.zeros(6, int), "repeated": np.zeros(6, bool), "box": box}
     seen |= {"window": window, "most_faces": np.array(1), "followed": np.ones(6, bool)}
     flat = {"points": np.full((6, 478, 3), 20.0, np.float32), "apart": np.zeros(6, np.float32)}
-    monkeypatch.setattr(tracking, "survey_step", lambda *_: seen)
-    monkeypatch.setattr(tracking, "landmark_step", lambda *_: flat | {"valid": np.ones(6, bool)})
+    monkeypatch.setattr(detection, "survey_step", lambda *_: seen)
+    monkeypatch.setattr(detection, "landmark_step", lambda *_: flat | {"valid": np.ones(6, bool)})
     with pytest.raises(PreparationError, match=r"none that can be tracked.*pattern\.mp4.*use a"):
         prepare(clip, tmp_path / "out")
 
