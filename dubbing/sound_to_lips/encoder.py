@@ -16,6 +16,8 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from dubbing.speech.voice_activity import overlapping
+
 STEP = 384  # samples
 CHANNELS, HEADS, LAYERS = 288, 8, 4
 ROTATED = 32  # channels of each head with a rotary position embedding
@@ -91,25 +93,9 @@ def encode(encoder: SpeechEncoder, blocks: Iterable[np.ndarray], gain: float) ->
         blocks: samples at 16 kHz, one after the other.
         gain: factor of the samples.
     """
-    held = np.zeros(BEFORE, np.float32)
-    first = begin = total = 0  # the first step held, the first not yet encoded, samples
-    encoded = []
-
-    def piece(steps: int) -> None:
-        nonlocal held, first, begin
-        part = torch.from_numpy(held[: steps * STEP + BEFORE + AFTER] * np.float32(gain))
-        encoded.append(encoder(part)[begin - first :][:PIECE])
-        begin += PIECE
-        dropped = max(0, begin - AROUND) - first
-        held, first = held[dropped * STEP :], first + dropped
-
-    for block in blocks:
-        held = np.concatenate([held, np.asarray(block, np.float32)])
-        total += len(block)
-        while len(held) >= (steps := begin - first + PIECE + AROUND) * STEP + BEFORE + AFTER:
-            piece(steps)
-    count = -(-total // STEP)
-    held = np.concatenate([held, np.zeros(count * STEP - total + AFTER, np.float32)])
-    while begin < count:
-        piece(min(count, begin + PIECE + AROUND) - first)
+    pieces = overlapping(blocks, STEP, PIECE, AROUND, before=BEFORE, after=AFTER)
+    encoded = [
+        encoder(torch.from_numpy(samples * np.float32(gain)))[skipped:][:PIECE]
+        for samples, skipped in pieces
+    ]
     return torch.cat(encoded) if encoded else torch.zeros(0, CHANNELS)

@@ -51,8 +51,8 @@ class TransformerFeatures:
         if not count:
             return np.zeros((0, self.dim), np.float32)
         parts = [
-            self._hidden((samples - mean) / deviation)[before:][:length] - self._silence
-            for samples, before, length in _pieces(blocks(), voice.steps(count))
+            self._hidden((samples - mean) / deviation)[skipped:][:PIECE] - self._silence
+            for samples, skipped in voice.overlapping(blocks(), voice.HOP, PIECE, AROUND)
         ]
         features = np.concatenate(parts)
         features *= voice_gate(voice.voice_activity_of_blocks(blocks))[:, None]
@@ -93,26 +93,3 @@ def _level(blocks: Iterable[np.ndarray]) -> tuple[float, float, int]:
         count += len(wide)
     mean = total / max(count, 1)
     return mean, max(squares / max(count, 1) - mean**2, 1e-10) ** 0.5, count
-
-
-def _pieces(blocks: Iterable[np.ndarray], total: int) -> Iterable[tuple[np.ndarray, int, int]]:
-    """Samples of PIECE steps with context: (samples, steps before the piece, its steps)."""
-    held = np.zeros(0, np.float32)
-    start = done = 0  # step of the first sample held; steps given out
-    stream = iter(blocks)
-    ended = False
-    while done < total:
-        length = min(PIECE, total - done)
-        need = (done + length + AROUND - start) * voice.HOP
-        while len(held) < need and not ended:
-            block = next(stream, None)
-            ended = block is None
-            if block is not None:
-                held = np.concatenate([held, np.asarray(block, np.float32)])
-        # Whole steps only: the last one is padded with silence.
-        whole = min(need, -(-len(held) // voice.HOP) * voice.HOP)
-        samples = np.pad(held[:whole], (0, max(0, whole - len(held))))
-        yield samples, done - start, length
-        done += length
-        keep = max(0, done - AROUND)
-        held, start = held[(keep - start) * voice.HOP :], keep

@@ -5,6 +5,7 @@ Letters: N samples at 16 kHz, T steps of 20 ms (50 a second). Step t covers the 
 """
 
 from collections.abc import Callable, Iterable, Iterator
+from itertools import chain
 
 import numpy as np
 
@@ -37,6 +38,44 @@ def steps(samples: int) -> int:
     return -(-samples // HOP)
 
 
+def overlapping(
+    blocks: Iterable[np.ndarray],
+    step: int,
+    piece: int,
+    around: int = 0,
+    *,
+    before: int = 0,
+    after: int = 0,
+) -> Iterator[tuple[np.ndarray, int]]:
+    """Pieces of a sound with what is around them: float32 samples, and the first step of the piece.
+
+    The pieces do not depend on how the sound was split into blocks. Silence pads both ends.
+
+    Args:
+        step: samples of a step. piece: steps of a piece; the last one has the rest.
+        around: steps of context on each side, as far as there are any.
+        before, after: samples that the first and the last of these steps need beside their own.
+    """
+    held = np.zeros(before, np.float32)
+    first = begin = total = 0  # the first step held, the first of the next piece, samples
+    stop: int | None = None  # number of all steps, known at the end
+    for block in chain(blocks, (None,)):
+        if block is None:
+            stop = -(-total // step)
+            held = np.pad(held, (0, stop * step - total + after))
+        else:
+            total += len(block)
+            held = np.concatenate([held, np.asarray(block, np.float32)])
+        while True:
+            size = (begin - first + piece + around) * step + before + after
+            if len(held) < size if stop is None else begin >= stop:
+                break
+            yield held[:size], begin - first
+            begin += piece
+            dropped = max(0, begin - around) - first
+            held, first = held[dropped * step :], first + dropped
+
+
 def step_windows(blocks: Iterable[np.ndarray], width: int = HOP) -> Iterator[np.ndarray]:
     """Windows of `width` samples centred on the middle of every step, (<= BLOCK_STEPS, width).
 
@@ -48,26 +87,8 @@ def step_windows(blocks: Iterable[np.ndarray], width: int = HOP) -> Iterator[np.
     margin = (width - HOP) // 2
     if margin < 0 or HOP + 2 * margin != width:
         raise ValueError(f"a window of {width} samples cannot be centred on a step of {HOP}")
-    held = np.zeros(margin, np.float32)
-    taken = BLOCK_STEPS * HOP
-    total = 0
-    done = 0
-    for block in blocks:
-        total += len(block)
-        held = np.concatenate([held, np.asarray(block, np.float32)])
-        while len(held) >= taken + 2 * margin:
-            yield np.lib.stride_tricks.sliding_window_view(held[: taken + 2 * margin], width)[::HOP]
-            held = held[taken:]
-            done += BLOCK_STEPS
-    rest = steps(total) - done
-    while rest > 0:
-        count = min(rest, BLOCK_STEPS)
-        need = count * HOP + 2 * margin
-        padded = np.zeros(need, np.float32)
-        padded[: min(need, len(held))] = held[:need]
-        yield np.lib.stride_tricks.sliding_window_view(padded, width)[::HOP]
-        held = held[count * HOP :]
-        rest -= count
+    for samples, _ in overlapping(blocks, HOP, BLOCK_STEPS, before=margin, after=margin):
+        yield np.lib.stride_tricks.sliding_window_view(samples, width)[::HOP]
 
 
 def energy_db(blocks: Iterable[np.ndarray]) -> np.ndarray:
