@@ -18,7 +18,7 @@ from dubbing.face.finding.regions import Images, Region, overlap
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
 from dubbing.face.weight_paths import FACE_DETECTOR, FACE_LANDMARKS
 
-CONFIDENCE = 0.5
+CONFIDENCE = 0.5  # a detected face's least score
 SAME_FACE = 0.5  # intersection over union of regions
 
 
@@ -27,11 +27,10 @@ class FaceFinder:
 
     Args:
         faces: how many may be found in an image.
-        confidence: a detected face's least score, 0..1.
     """
 
-    def __init__(self, faces: int = 1, confidence: float = CONFIDENCE) -> None:
-        self._detector = BoxDetector(network(FACE_DETECTOR), FACES, confidence)
+    def __init__(self, faces: int = 1) -> None:
+        self._detector = BoxDetector(network(FACE_DETECTOR), FACES, CONFIDENCE)
         self._landmarks = LandmarkNetwork(network(FACE_LANDMARKS))
         self._faces = faces
         self._followed: list[Region] = []

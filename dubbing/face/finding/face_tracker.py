@@ -49,8 +49,8 @@ class _Track:
 class FaceTracker:
     """FaceMesh in tracking mode, with one track number a person."""
 
-    def __init__(self, rate: float, max_faces: int = MAX_FACES) -> None:
-        self._finder = FaceFinder(max_faces)
+    def __init__(self, rate: float) -> None:
+        self._finder = FaceFinder(MAX_FACES)
         self._memory = max(1, round(rate * MEMORY_SECONDS))
         self._tracks: list[_Track] = []
         self._count = 0

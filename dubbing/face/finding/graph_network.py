@@ -31,13 +31,12 @@ class GraphNetwork:
         ExplainedError: the file is missing, damaged or of another format.
     """
 
-    def __init__(self, path: Path, device: torch.device | str = "cpu") -> None:
+    def __init__(self, path: Path) -> None:
         weights, header = load_float(path, FORMAT, path.stem.replace("_", " "), REMEDY)
         graph = json.loads(header["graph"])
         self._expected: list[float] = json.loads(header.get("expected", "[]"))
         self._side: int = graph["side"]
         self.graph: list[Settings] = graph["steps"]
-        self._device = torch.device(device)
         self._input: int = graph["input"]
         self._outputs: list[int] = graph["outputs"]
         self._steps: list[tuple[Run, list[int], int, list[int]]] = []
@@ -46,7 +45,7 @@ class GraphNetwork:
         for step in reversed(self.graph):
             last = [tensor for tensor in dict.fromkeys(step["in"]) if tensor not in needed]
             needed.update(step["in"])
-            constants = [weights[name].to(self._device) for name in step.get("weights", ())]
+            constants = [weights[name] for name in step.get("weights", ())]
             # What is not needed afterwards may be overwritten.
             free = step["in"][-1] in last and step["in"][-1] not in kept
             run = STEPS[step["op"]](step | {"in_place": free}, *constants)
@@ -56,14 +55,14 @@ class GraphNetwork:
     @torch.inference_mode()
     def __call__(self, images: np.ndarray, low: float = 0.0) -> list[np.ndarray]:
         """The results for images (N, H, W, 3) uint8, whose values become `low` to 1; in float32."""
-        with _one_thread(), torch.autocast(self._device.type, enabled=False):
-            pixels = torch.from_numpy(images).to(self._device).permute(0, 3, 1, 2).float()
+        with _one_thread(), torch.autocast("cpu", enabled=False):
+            pixels = torch.from_numpy(images).permute(0, 3, 1, 2).float()
             values = {self._input: pixels.mul_((1 - low) / 255).add_(low)}
             for run, inputs, output, last in self._steps:
                 values[output] = run(*[values[tensor] for tensor in inputs])
                 for tensor in last:
                     del values[tensor]
-            return [values[tensor].cpu().numpy() for tensor in self._outputs]
+            return [values[tensor].numpy() for tensor in self._outputs]
 
     def test_results(self) -> list[float]:
         """Means of the results for a drawing of a head on shoulders."""

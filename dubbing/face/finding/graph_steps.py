@@ -53,18 +53,6 @@ def _convolve_transposed(settings: Settings, weight: Tensor, bias: Tensor) -> Ru
     return run
 
 
-def _prelu(settings: Settings, slope: Tensor) -> Run:
-    return lambda x: F.prelu(x, slope)
-
-
-def _relu(settings: Settings) -> Run:
-    return torch.relu_ if settings["in_place"] else torch.relu
-
-
-def _hardswish(settings: Settings) -> Run:
-    return partial(F.hardswish, inplace=settings["in_place"])
-
-
 def _add_narrow(settings: Settings) -> Run:
     """Adds (N, G c, H, W) to the first c of each part's channels of (N, G C, H, W)."""
     parts, in_place = settings.get("parts", 1), settings["in_place"]
@@ -77,22 +65,6 @@ def _add_narrow(settings: Settings) -> Run:
         return wide
 
     return run
-
-
-def _scale(settings: Settings, factor: Tensor) -> Run:
-    return lambda x: x * factor
-
-
-def _max_pool(settings: Settings) -> Run:
-    return partial(F.max_pool2d, kernel_size=settings["size"])
-
-
-def _average_pool(settings: Settings) -> Run:
-    return partial(F.avg_pool2d, kernel_size=settings["size"])
-
-
-def _resize(settings: Settings) -> Run:
-    return partial(F.interpolate, size=settings["size"], mode="bilinear", align_corners=False)
 
 
 def _reshape(settings: Settings) -> Run:
@@ -149,8 +121,8 @@ def _crop(settings: Settings) -> Run:
     places = torch.stack((column, row, torch.ones_like(row)), -1).reshape(-1, 3)
 
     def run(images: Tensor, boxes: Tensor) -> Tensor:
-        last = torch.tensor(images.shape[:1:-1], device=images.device) - 1
-        grid = (places.to(images.device) @ boxes.unflatten(1, (parts, 2)).transpose(2, 3)) - 0.5
+        last = torch.tensor(images.shape[:1:-1]) - 1
+        grid = (places @ boxes.unflatten(1, (parts, 2)).transpose(2, 3)) - 0.5
         inside = ((grid >= 0) & (grid <= last)).all(-1, keepdim=True)
         grid = torch.where(inside, grid * (2 / last) - 1, OUTSIDE - 1.0)  # (N, G, S S, 2)
         cut = F.grid_sample(images, grid, align_corners=True)  # (N, C, G, S S)
@@ -168,17 +140,19 @@ def _plain(run: Run) -> Callable[..., Run]:
 STEPS: dict[str, Callable[..., Run]] = {
     "convolve": _convolve,
     "convolve_transposed": _convolve_transposed,
-    "prelu": _prelu,
-    "relu": _relu,
-    "hardswish": _hardswish,
+    "prelu": lambda settings, slope: partial(F.prelu, weight=slope),
+    "relu": lambda settings: torch.relu_ if settings["in_place"] else torch.relu,
+    "hardswish": lambda settings: partial(F.hardswish, inplace=settings["in_place"]),
     "sigmoid": _plain(torch.sigmoid),
     "add": _plain(torch.add),
     "add_narrow": _add_narrow,
     "multiply": _plain(torch.mul),
-    "scale": _scale,
-    "max_pool": _max_pool,
-    "average_pool": _average_pool,
-    "resize": _resize,
+    "scale": lambda settings, factor: lambda x: x * factor,
+    "max_pool": lambda settings: partial(F.max_pool2d, kernel_size=settings["size"]),
+    "average_pool": lambda settings: partial(F.avg_pool2d, kernel_size=settings["size"]),
+    "resize": lambda settings: partial(
+        F.interpolate, size=settings["size"], mode="bilinear", align_corners=False
+    ),
     "concatenate": _plain(lambda *xs: torch.cat(xs, 1)),
     "reshape": _reshape,
     "take": _take,

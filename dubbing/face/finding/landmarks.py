@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dubbing.face.finding.face_finder import CONFIDENCE, FaceFinder
+from dubbing.face.finding.face_finder import FaceFinder
 from dubbing.face.finding.regions import Images
 from dubbing.face.mesh_points import LANDMARKS
 
@@ -24,8 +24,8 @@ HALF = np.array([0.5, 0.5, 0.0])
 class FaceMesh:
     """FaceMesh; ``tracking`` follows faces from frame to frame."""
 
-    def __init__(self, *, tracking: bool, faces: int = 1, confidence: float = CONFIDENCE) -> None:
-        self._finder = FaceFinder(faces, confidence)
+    def __init__(self, *, tracking: bool, faces: int = 1) -> None:
+        self._finder = FaceFinder(faces)
         self._tracking = tracking
 
     def restart(self) -> None:
