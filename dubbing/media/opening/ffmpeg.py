@@ -28,7 +28,7 @@ MEANINGS = {
     "SIGXCPU": "it used more processor time than is allowed here",
     "SIGSEGV": "a fault of its own, or a damaged file",
 }
-QUIET = {"hide_banner": None, "loglevel": "error", "nostdin": None}
+QUIET = ("-hide_banner", "-loglevel", "error", "-nostdin")
 
 
 def binary() -> str:
@@ -82,7 +82,7 @@ class Process:
     def __init__(self, graph: Any, where: str, *, pipe_in: bool = False, pipe_out: bool = False):
         self.where = where
         self._messages = tempfile.TemporaryFile()  # noqa: SIM115 (closed by kill)
-        command = graph.global_args(*_flags()).compile(cmd=binary(), overwrite_output=True)
+        command = graph.global_args(*QUIET).compile(cmd=binary(), overwrite_output=True)
         self._process = subprocess.Popen(
             command,
             stdin=subprocess.PIPE if pipe_in else subprocess.DEVNULL,
@@ -165,10 +165,3 @@ def run(graph: Any, where: str) -> None:
     """
     with Process(graph, where) as process:
         process.finish()
-
-
-def _flags() -> list[str]:
-    flags: list[str] = []
-    for key, value in QUIET.items():
-        flags += [f"-{key}"] if value is None else [f"-{key}", value]
-    return flags

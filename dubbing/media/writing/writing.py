@@ -6,7 +6,6 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -133,6 +132,7 @@ class VideoWriter:
         temporary = self._stack.enter_context(atomic_path(self.path))
         graph = self._graph(temporary)
         self._process = self._stack.enter_context(Process(graph, str(self.path), pipe_in=True))
+        self._stack.push(self._finish)
         return self
 
     def write(self, frame: np.ndarray | Planes) -> None:
@@ -152,21 +152,14 @@ class VideoWriter:
             raise
         self.frames += 1
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        try:
-            if kind is None and self._process is not None:
-                if self.frames == 0:
-                    raise MediaError("no frames were written", str(self.path))
-                self._process.finish()
-        except MediaError as problem:
-            self._stack.__exit__(type(problem), problem, problem.__traceback__)
-            raise
-        self._stack.__exit__(kind, error, trace)
+    def __exit__(self, *raised: Any) -> None:
+        self._stack.__exit__(*raised)
+
+    def _finish(self, kind: type[BaseException] | None, *_: object) -> None:
+        if kind is None and self._process is not None:
+            if self.frames == 0:
+                raise MediaError("no frames were written", str(self.path))
+            self._process.finish()
 
     def _graph(self, path: Path) -> Graph:
         width, height = self._size
