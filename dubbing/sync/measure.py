@@ -72,30 +72,26 @@ class Sound:
             np.savez(temporary, start=self.start, features=self.features, heard=self.heard)
 
 
-@dataclass(frozen=True)
+@dataclass
 class BlockFace:
-    """One face in one block: mouth shapes (F, M, 2), NaN without a face, and its median position.
+    """One face in one block.
 
-    `crops` (F, R, C) uint8 are the pixels of its mouth, 0 without a face.
+    Attributes:
+        shapes: of its mouth (F, M, 2), NaN without a face.
+        crops: pixels of its mouth (F, R, C) uint8, 0 without a face.
+        size: width and height of a frame, px.
+        places: middle of the face (2,) px in each frame that shows it.
     """
 
     shapes: np.ndarray
     crops: np.ndarray
-    centre: tuple[float, float]  # column and row as shares of the frame
-
-
-@dataclass
-class _FaceFrames:
-    """Frames of one face in a block."""
-
-    shapes: np.ndarray
-    crops: np.ndarray
+    size: tuple[int, int]
     places: list[np.ndarray] = field(default_factory=list)
 
     @classmethod
-    def empty(cls, frames: int) -> "_FaceFrames":
+    def empty(cls, frames: int, size: tuple[int, int]) -> "BlockFace":
         shapes = np.full((frames, len(MOUTH), 2), np.nan, np.float32)
-        return cls(shapes, np.zeros((frames, ROWS, COLUMNS), np.uint8))
+        return cls(shapes, np.zeros((frames, ROWS, COLUMNS), np.uint8), size)
 
     def add(self, k: int, points: np.ndarray, crop: np.ndarray, face: np.ndarray) -> None:
         """Add frame k with the mesh (478, 3) of the face, and the crop (R, C) of its mouth."""
@@ -103,10 +99,11 @@ class _FaceFrames:
         self.crops[k] = crop
         self.places.append((points[:, :2].min(0) + points[:, :2].max(0)) / 2)
 
-    def block_face(self, width: int, height: int) -> BlockFace:
-        """The face in frames of a width and height in pixels."""
+    @property
+    def centre(self) -> tuple[float, float]:
+        """Its median position: column and row as shares of the frame."""
         column, row = np.median(self.places, axis=0)
-        return BlockFace(self.shapes, self.crops, (float(column / width), float(row / height)))
+        return float(column / self.size[0]), float(row / self.size[1])
 
 
 @dataclass(frozen=True)
@@ -191,7 +188,7 @@ def measure(
             deque(islice(images, length), 0)  # no image is decoded that is not asked for
             first += length
             continue
-        frames: dict[int, _FaceFrames] = {}
+        faces: dict[int, BlockFace] = {}
         known, found = KeptFaces(), KeptFaces()
         kept = f"faces/{first:06d}.npz"
         if pieces is not None and pieces.same(kept, [""]) == [True] and pieces.last is not None:
@@ -204,18 +201,17 @@ def measure(
             meshes = None if pieces is None else found.meshes
             for k, (frame, key, tracked) in enumerate(tracker(some, known.meshes, meshes)):
                 for number, detected in enumerate(tracked):
-                    if detected.track not in frames:
-                        frames[detected.track] = _FaceFrames.empty(length)
+                    if detected.track not in faces:
+                        faces[detected.track] = BlockFace.empty(length, (info.width, info.height))
                     mouth = f"{key} {number}"
                     crop = known.mouths.get(mouth)
                     if crop is None:
                         crop = mouth_crop(frame.image, detected.points, face)
                     found.mouths[mouth] = crop
-                    frames[detected.track].add(k, detected.points, crop, face)
+                    faces[detected.track].add(k, detected.points, crop, face)
                 if progress is not None:
                     progress(min(max(0.0, (first + k + 1 - begin) / (stop - begin)), 1.0))
         if pieces is not None:
             found.write(pieces.out / kept)
-        faces = {track: f.block_face(info.width, info.height) for track, f in frames.items()}
         yield Block(first, length, rate, faces, sound.result())
         first += length

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from dubbing.face.mouth.mouth_shape import opening
 from dubbing.sync.curves import MAX_OFFSET
@@ -71,9 +72,7 @@ def of_mouth(shapes: np.ndarray, crops: np.ndarray, rate: float) -> np.ndarray:
 def silent_frames(voice: np.ndarray, rate: float) -> np.ndarray:
     """Frames (F,) bool without voice (F,) from 0.3 s before to 0.3 s after."""
     reach = max(1, round(SILENT_MARGIN * rate))
-    padded = np.pad(voice, reach, mode="edge")
-    around = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1)
-    return np.asarray(around.max(1) == 0)
+    return np.asarray(maximum_filter1d(voice, 2 * reach + 1, mode="nearest") == 0)
 
 
 def correlation(first: np.ndarray, second: np.ndarray) -> float:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from dubbing.face.mouth.mouth_shape import opening
 from dubbing.sync.mouth_figures import smoothed
@@ -81,7 +82,7 @@ def mouth_faults(mouth: Mouth, loudness: np.ndarray, rate: float) -> dict[str, M
 def delayed(gap: np.ndarray, frames: float, rate: float) -> np.ndarray:
     """Numbers (F,) of the frames that show nearly closed lips (gap (F,)) so many frames later."""
     reach = round(0.12 * rate)
-    closed = np.pad((gap < np.nanquantile(gap, 0.25)).astype(float), reach, mode="edge")
-    around = np.lib.stride_tricks.sliding_window_view(closed, 2 * reach + 1).max(1)
+    closed = (gap < np.nanquantile(gap, 0.25)).astype(float)
+    around = maximum_filter1d(closed, 2 * reach + 1, mode="nearest")
     late = np.round(frames * np.convolve(around, np.ones(5) / 5, "same")).astype(int)
     return np.clip(np.arange(len(gap)) - late, 0, len(gap) - 1)
