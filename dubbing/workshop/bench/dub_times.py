@@ -50,6 +50,15 @@ def stage_seconds(work: Path) -> dict[tuple[str, float], float]:
     }
 
 
+def dubbed(path: Path, plan: dict[str, Any], *options: str) -> float:
+    """Seconds that `dfrf dub` takes for a manifest, written to a path."""
+    atomic_write_json(path, plan)  # JSON is YAML, too
+    call = [sys.executable, "-m", "dubbing", "dub", str(path), *options]
+    began = time.monotonic()
+    subprocess.run(call, check=True, stdout=subprocess.DEVNULL)
+    return time.monotonic() - began
+
+
 def waits(clip: Path, speech: Path, out: Path, seconds: float, size: int) -> list[Wait]:
     """Runs `dfrf dub` again and again, each time after a change."""
     out.mkdir(parents=True)
@@ -58,12 +67,8 @@ def waits(clip: Path, speech: Path, out: Path, seconds: float, size: int) -> lis
     first = plan["dubs"][0]
 
     def wait(what: str, *options: str) -> None:
-        atomic_write_json(path, plan)  # JSON is YAML, too
         before = stage_seconds(out / "work") if (out / "work").is_dir() else {}
-        call = [sys.executable, "-m", "dubbing", "dub", str(path), *options]
-        began = time.monotonic()
-        subprocess.run(call, check=True, stdout=subprocess.DEVNULL)
-        took = time.monotonic() - began
+        took = dubbed(path, plan, *options)
         new = {k: v for k, v in stage_seconds(out / "work").items() if k not in before}
         stages: dict[str, float] = {}
         for (folder, _), spent in new.items():

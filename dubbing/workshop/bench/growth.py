@@ -8,9 +8,6 @@ process of its own. Alone on the machine; it takes some fifteen minutes on two c
 
 from __future__ import annotations
 
-import subprocess
-import sys
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,8 +15,7 @@ from typing import Any
 
 import typer
 
-from dubbing.engine.disk.files import atomic_write_json
-from dubbing.workshop.bench.dub_times import CONSENT
+from dubbing.workshop.bench.dub_times import CONSENT, dubbed
 
 LENGTHS = (2.5, 5.0, 10.0)  # s of speech
 SIZES = (128, 256, 512)  # px
@@ -54,15 +50,6 @@ def manifest(
     ]
     people_of = {name: {**person, "seed": k} for k, name in enumerate(names)}
     return {"version": 1, "output": str(out), "identities": people_of, "dubs": dubs}
-
-
-def dubbed(path: Path, plan: dict[str, Any], *options: str) -> float:
-    """Seconds that `dfrf dub` takes for a manifest, written to a path."""
-    atomic_write_json(path, plan)  # JSON is YAML, too
-    call = [sys.executable, "-m", "dubbing", "dub", str(path), *options]
-    began = time.monotonic()
-    subprocess.run(call, check=True, stdout=subprocess.DEVNULL)
-    return time.monotonic() - began
 
 
 def growth(clip: Path, speech: Path, out: Path) -> list[Row]:

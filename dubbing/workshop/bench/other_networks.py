@@ -17,12 +17,8 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 WHISPER, STEP_DIM = 384, 1280  # of the speech vectors of both tools; of the code of a step
-LEVELS = (
-    320,
-    640,
-    1280,
-    1280,
-)  # channels of the U-Net; all but the last attend to the speech vectors
+# Channels of the U-Net; all but the last attend to the speech vectors.
+LEVELS = (320, 640, 1280, 1280)
 HEADS, GROUPS = 8, 32
 attention = partial(nn.MultiheadAttention, batch_first=True)
 conv = partial(nn.Conv2d, kernel_size=3, padding=1)
@@ -109,10 +105,8 @@ class Transformer(nn.Module):
         self.norms = nn.ModuleList(nn.LayerNorm(channels) for _ in range(3))
         self.own = attention(channels, HEADS, bias=False)
         self.cross = attention(channels, HEADS, bias=False, kdim=heard, vdim=heard)
-        self.wide, self.narrow = (
-            nn.Linear(channels, 8 * channels),
-            nn.Linear(4 * channels, channels),
-        )
+        self.wide = nn.Linear(channels, 8 * channels)
+        self.narrow = nn.Linear(4 * channels, channels)
         self.leave = nn.Conv2d(channels, channels, 1)
 
     def forward(self, x: Tensor, heard: Tensor) -> Tensor:

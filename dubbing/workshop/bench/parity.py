@@ -32,20 +32,9 @@ def decibels(person: LearnedPerson, device: str) -> dict[str, list[float]]:
         heads = []
         for place in ("cpu", device):
             model, maps, _ = rendering.load(person.model, place)
-            arguments = (
-                model,
-                maps,
-                person.clip,
-                person.speech,
-                poses,
-                0,
-                FRAMES,
-                None,
-                how == "baked",
-            )
-            heads.append(
-                [[part.float().cpu() for part in of] for of in rendering.frames(*arguments)]
-            )
+            of = (model, maps, person.clip, person.speech, poses, 0, FRAMES)
+            rendered = rendering.frames(*of, baked=how == "baked")
+            heads.append([[part.float().cpu() for part in head] for head in rendered])
         found[how] = [
             float(-10 * torch.log10((mine - theirs)[seen > SOLID].square().mean().clamp_min(1e-12)))
             for (mine, seen), (theirs, _) in zip(*heads, strict=True)

@@ -17,31 +17,29 @@ from torch.utils.flop_counter import FlopCounterMode
 
 from dfrf import device as devices
 from dfrf import presets
-from dfrf.cameras import Camera, Rays
-from dfrf.data.dataset import neighbour_windows
+from dfrf.cameras import Camera
+from dfrf.fast.fast_method import FastMethod
 from dfrf.fast.fast_model import FastModel
 from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.field.reference_views import ReferenceViews
-from dfrf.field.speaker_adaptation import CONTEXT_FRAMES
+from dfrf.method_interface import FrameInputs
 from dfrf.presets import method_of
 from dfrf.published.conditioned_field import References
 from dfrf.published.paper_model import PaperModel
-from dfrf.rendering.baked_frame import BakedHead
-from dfrf.rendering.frame_head import FrameHead, MarchedHead
 from dfrf.rendering.frame_renderer import BLOCK, head_blocks, render_frame
 from dfrf.rendering.occupancy import OccupancyGrid
 from dfrf.rendering.pose_refinement import normal_equations
 from dfrf.rendering.ray_marching import march
-from dfrf.rendering.view_images import ViewImages
 from dfrf.rendering.volume_rendering import evaluate
 from dfrf.training.fit import FitOptions, fit
 from dubbing.compositing.composite import replacement
 from dubbing.compositing.face_mask import rendered_region
 from dubbing.heads import rendering as heads
 from dubbing.heads.fine_tuning import reference_frames
+from dubbing.heads.frame_inputs import inputs_of
 from dubbing.heads.pose_refinement import observations_of
 from dubbing.identity.clip_frames import ClipFrames
-from dubbing.identity.dataset import load_identity, upper_face_expression
+from dubbing.identity.dataset import load_identity
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
 
@@ -108,41 +106,15 @@ class Scene:
     def device(self) -> torch.device:
         return self.model.grid.low.device
 
+    def inputs(self, frame: int) -> FrameInputs:
+        """Inputs of the head in a frame."""
+        index = np.arange(len(self.clip))
+        return inputs_of(self.model, self.clip, self.speech, index, frame, frame + 1)
+
     def camera(self, frame: int) -> Camera:
         """The camera of a frame."""
-        c2w = torch.from_numpy(self.clip.c2w()[frame]).float().to(self.device)
-        centre = torch.from_numpy(self.clip.centre[frame]).float().to(self.device)
-        return Camera(c2w, float(self.clip.focal), centre, self.clip.size)
-
-    def rays(self, frame: int, pixels: Tensor) -> Rays:
-        """Rays through row-major pixels (P,)."""
-        return self.camera(frame).rays(pixels)
-
-    def heard(self, frame: int) -> Tensor:
-        """Speech windows (1, 8, 16, D) of a frame's neighbours."""
-        windows = torch.from_numpy(self.speech.windows).float()
-        near = neighbour_windows(windows, torch.zeros(len(windows)), torch.tensor([frame]))
-        return near.to(self.device)
-
-    def predicted_lips(self, frame: int) -> Tensor:
-        """Of a frame and of those beside it, (2 CONTEXT_FRAMES + 1, P)."""
-        number = np.arange(frame - CONTEXT_FRAMES, frame + CONTEXT_FRAMES + 1).clip(
-            0, len(self.speech) - 1
-        )
-        return torch.from_numpy(self.speech.lips[number]).float().to(self.device)
-
-    def upper(self, frame: int) -> Tensor:
-        """Measures of the upper face (1, U)."""
-        return torch.from_numpy(upper_face_expression(self.clip)[[frame]]).float().to(self.device)
-
-    def baked(self, conditioning: Tensor, camera: Camera) -> FrameHead:
-        """The head as dubs show it: baked, where the person has references."""
-        volume = self.model.volume(conditioning, self.maps)
-        if self.maps is None or not self.model.baked:
-            return MarchedHead(volume)
-        described = self.model.described(conditioning, camera.c2w[None, :, 3])
-        density = self.model.baked.of_frame(self.model.grid, described[0])
-        return BakedHead(volume, density, ViewImages.of(self.maps))
+        inputs = self.inputs(frame)
+        return Camera(inputs.c2w[0], inputs.focal, inputs.centres[0], inputs.size)
 
 
 @torch.no_grad()
@@ -164,13 +136,12 @@ def parts_of(scene: Scene, frame: int) -> list[Row]:
     def note(stage: str, work: Callable[[], object], count: int = 0, unit: str = "") -> None:
         rows.append(Row(stage, timed(work, device), count, unit, flop_of(work)))
 
-    camera, windows = scene.camera(frame), scene.heard(frame)
-    conditioning = model.field.conditioning(
-        windows, scene.predicted_lips(frame), scene.upper(frame)
-    )
+    camera, inputs = scene.camera(frame), scene.inputs(frame)
+    windows = inputs.windows
+    conditioning = model.field.conditioning(windows, inputs.predicted_lips, inputs.expression)
     volume = model.volume(conditioning, scene.maps)
     pixels = head_pixels(grid, camera)
-    rays = scene.rays(frame, pixels)
+    rays = camera.rays(pixels)
     samples = march(rays, grid, settings)
     count_samples = samples.points.shape[0]
     field = volume.field.seen_from(camera.c2w[:, 3])
@@ -183,7 +154,7 @@ def parts_of(scene: Scene, frame: int) -> list[Row]:
     region = torch.from_numpy(rendered_region(landmarks, scene.clip.size)).to(device)
     replaced = int(region.sum())
     note("head, what a dub shows", lambda: render_frame(volume, camera, region), replaced, "px")
-    baked = scene.baked(conditioning, camera)
+    baked = FastMethod(model).speaking_heads(replace(inputs, baked=True), scene.maps)(0)
     note("baked head, what a dub shows", lambda: baked.render(camera, region), replaced, "px")
     observations = observations_of(scene.clip, np.array([frame]))[frame].to(device)
     count = 3 * len(observations.pixels)
@@ -243,10 +214,10 @@ def paper_row(scene: Scene) -> Row:
     device, size = scene.device, scene.clip.size
     model = PaperModel().to(device).eval().requires_grad_(False)
     maps = model.encode(whole_faces(scene.maps.views, scene.model.config.field.references))
-    frame = scene.frames[0]
-    head = head_pixels(scene.model.grid, scene.camera(frame))
+    camera = scene.camera(scene.frames[0])
+    head = head_pixels(scene.model.grid, camera)
     pixels = head[torch.linspace(0, head.numel() - 1, PAPER_RAYS, device=device).long()]
-    rays = scene.rays(frame, pixels)
+    rays = camera.rays(pixels)
     near, far = float(scene.clip.near), float(scene.clip.far)
     windows = torch.zeros(8, 16, model.config.speech_dim, device=device)
     behind = torch.zeros(PAPER_RAYS, 3, device=device)
