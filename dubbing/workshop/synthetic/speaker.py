@@ -183,7 +183,7 @@ def fit_phones(phones: list[Phone], duration: float) -> list[Phone]:
     return kept
 
 
-def place_sound(samples: np.ndarray, rate: int, duration: float, early: float) -> np.ndarray:
+def place_sound(samples: np.ndarray, rate: int, duration: float, early: float = 0.0) -> np.ndarray:
     """The sound of a clip: `duration` seconds of which sample t holds samples at t + early."""
     total = round(duration * rate)
     out = np.zeros(total, np.float32)

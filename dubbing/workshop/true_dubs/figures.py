@@ -6,8 +6,8 @@ B says). They differ in the face alone. Ratios are of the dub to the true dub; t
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable
-from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -33,33 +33,17 @@ FINE = 1.0  # px, Gaussian: detail below it is noise
 NOT_KNOWN = float("nan")
 
 
-@dataclass
-class Sums:
-    """Of the frames so far: a value of the dub beside that of the true dub."""
-
-    of: dict[str, np.ndarray] = field(default_factory=dict)
-
-    def add(self, name: str, dub: float, truth: float) -> None:
-        self.of[name] = self.of.get(name, np.zeros(2)) + np.array([dub, truth])
-
-    def ratio(self, name: str) -> float:
-        dub, truth = self.of.get(name, np.zeros(2))
-        return float(dub / truth) if truth > 0 else NOT_KNOWN
-
-
 class DubFigures:
     """Adds up the frames of one dub."""
 
     def __init__(self, rate: float) -> None:
         self._mouths = MouthSeries(load_network().face.numpy(), rate)
         self._meshes = [FaceMesh(tracking=True) for _ in range(3)]
-        self._sums = Sums()
-        self._lists: dict[str, list[float]] = {}
+        # Of the frames so far: values, and sums of the dub beside those of the true dub.
+        self._lists: dict[str, list[float]] = defaultdict(list)
+        self._sums: dict[str, np.ndarray] = defaultdict(lambda: np.zeros(2))
         self._noise: list[np.ndarray | None] = [None, None]
         self._count = 0
-
-    def _keep(self, name: str, value: float) -> None:
-        self._lists.setdefault(name, []).append(value)
 
     def add(
         self,
@@ -79,26 +63,25 @@ class DubFigures:
         box = extent(mouth, len(dub))
         replaced = differs(dub, film, 0)
         dubbed = replaced[box].mean() > LEAST
-        self._keep("dubbed", float(dubbed))
+        self._lists["dubbed"].append(float(dubbed))
         if cover is not None:
             hidden = cover[box].mean() > COVERING
             if hidden:
-                self._keep("covered_dubbed", float(dubbed))
+                self._lists["covered_dubbed"].append(float(dubbed))
             solid = cover > OPAQUE
             if solid.any():
-                self._sums.add(
-                    "cover_changed", differs(dub, film, CHANGED)[solid].sum(), solid.sum()
-                )
+                changed = differs(dub, film, CHANGED)[solid].sum()
+                self._sums["cover_changed"] += [changed, solid.sum()]
         region = replaced | differs(film, truth, DIFFERENT)
-        self._keep("psnr", psnr(dub, truth, region))
+        self._lists["psnr"].append(psnr(dub, truth, region))
         inside = np.zeros_like(region)
         inside[box] = True
-        self._keep("psnr_mouth", psnr(dub, truth, inside))
+        self._lists["psnr_mouth"].append(psnr(dub, truth, inside))
         pair = [
             torch.from_numpy(np.ascontiguousarray(x[grown(box, 8)])).float() / 255
             for x in (dub, truth)
         ]
-        self._keep("ssim_mouth", metrics.ssim(*pair))
+        self._lists["ssim_mouth"].append(metrics.ssim(*pair))
         self._seam(dub, truth, replaced)
         self._detail(dub, truth, region & ~inside)
         meshes = [
@@ -114,7 +97,7 @@ class DubFigures:
         whole = cv2.morphologyEx(replaced.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5)))
         kernel = np.ones((2 * EDGE + 1,) * 2)
         band = (cv2.dilate(whole, kernel) > 0) & (cv2.erode(whole, kernel) == 0)
-        self._sums.add("seam", *(gradient_energies(x)[band].sum() for x in (dub, truth)))
+        self._sums["seam"] += [gradient_energies(x)[band].sum() for x in (dub, truth)]
 
     def _detail(self, dub: np.ndarray, truth: np.ndarray, region: np.ndarray) -> None:
         """Noise and sharpness of the replaced skin beside the mouth."""
@@ -131,11 +114,11 @@ class DubFigures:
                 noise.append(deviation(changed[region]))
                 beside = deviation(changed[~region])
             sharp.append(gradient_energies(np.repeat(smooth[..., None], 3, 2))[region].sum())
-        self._sums.add("sharpness", sharp[0], sharp[1])
+        self._sums["sharpness"] += sharp
         if noise:
-            self._sums.add("noise", noise[0], noise[1])
+            self._sums["noise"] += noise
             # Skin that moves changes, too, but what is beside it only by noise.
-            self._keep("true_noise", beside)
+            self._lists["true_noise"].append(beside)
 
     def _chin(
         self, dub: np.ndarray, truth: np.ndarray, film_points: np.ndarray, points: np.ndarray
@@ -145,23 +128,18 @@ class DubFigures:
         half = max(1.0, HALF_BAND * eyes)
         new, old = (distance_to_line(p[list(CHIN_LINE)], len(dub)) for p in (points, film_points))
         energies = [gradient_energies(x) for x in (dub, truth)]
-        self._sums.add("chin", *(e[new <= half].sum() for e in energies))
+        self._sums["chin"] += [e[new <= half].sum() for e in energies]
         beside = (old <= half) & (new > APART * half)
-        self._sums.add("old_chin", *(e[beside].sum() for e in energies))
+        self._sums["old_chin"] += [e[beside].sum() for e in energies]
 
     def figures(self) -> dict[str, float]:
         """Figures of all frames; one that cannot be computed is left out."""
         found = {name: float(np.nanmean(values)) for name, values in self._lists.items()}
         noisy = found.pop("true_noise", 0.0) > NOISY
-        names = (
-            "seam",
-            "chin",
-            "old_chin",
-            "sharpness",
-            "cover_changed",
-            *(["noise"] if noisy else []),
-        )
-        found |= {name: self._sums.ratio(name) for name in names}
+        for name in ("seam", "chin", "old_chin", "sharpness", "cover_changed", *["noise"] * noisy):
+            dub, truth = self._sums[name]
+            if truth > 0:
+                found[name] = float(dub / truth)
         found |= self._mouths.figures()
         return {name: value for name, value in found.items() if not np.isnan(value)}
 
@@ -199,8 +177,8 @@ def grown(box: tuple[slice, slice], by: int) -> tuple[slice, slice]:
 
 def mean_of(figures: Iterable[dict[str, float]]) -> dict[str, float]:
     """Mean of every figure over the scenes that have it."""
-    every: dict[str, list[float]] = {}
+    every: dict[str, list[float]] = defaultdict(list)
     for one in figures:
         for name, value in one.items():
-            every.setdefault(name, []).append(value)
+            every[name].append(value)
     return {name: float(np.mean(values)) for name, values in every.items()}

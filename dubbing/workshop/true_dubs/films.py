@@ -112,12 +112,7 @@ def manifest(scenes: Sequence[Scene]) -> str:
     """The manifest of the dubs, YAML (JSON is YAML)."""
     consent = {"by": "Nobody Filmed", "reference": "a computed speaker"}
     people = {
-        s.name: {
-            "clip": f"{s.name}/{FILM}",
-            "seconds": LEARNED,
-            "consent": consent,
-        }
-        for s in scenes
+        s.name: {"clip": f"{s.name}/{FILM}", "seconds": LEARNED, "consent": consent} for s in scenes
     }
     dubs = [
         {

@@ -20,7 +20,7 @@ from dubbing.workshop.synthetic.anatomy.lips import MouthShape
 from dubbing.workshop.synthetic.motion import Motion, move
 from dubbing.workshop.synthetic.rendering.camera import Pose
 from dubbing.workshop.synthetic.rendering.render import REST_SHIFT, Renderer, State
-from dubbing.workshop.synthetic.speaker import fit_phones
+from dubbing.workshop.synthetic.speaker import fit_phones, place_sound
 from dubbing.workshop.synthetic.visemes import Phone, mouth_curves
 from dubbing.workshop.synthetic.voice import synthesise
 from dubbing.workshop.true_dubs.scenes import DUBBED, FRAMES, LEARNED, RATE, Scene
@@ -72,9 +72,7 @@ def speech(name: str) -> Speech:
     """A sentence as long as the part of the film in which it is said."""
     seconds = LEARNED if name == "learned" else DUBBED
     samples, rate, phones = synthesise(SENTENCES[name], VOICE)
-    sound = np.zeros(round(seconds * rate), np.float32)
-    sound[: len(samples)] = samples[: len(sound)]
-    return Speech(sound, rate, fit_phones(phones, seconds))
+    return Speech(place_sound(samples, rate, seconds), rate, fit_phones(phones, seconds))
 
 
 def film_phones(name: str) -> list[Phone]:
