@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from dubbing.workshop.synthetic.anatomy.face import Face
-from dubbing.workshop.synthetic.anatomy.head_shape import head_distance
+from dubbing.workshop.synthetic.anatomy.head_shape import head_distance, outward
 from dubbing.workshop.synthetic.anatomy.locks import Hair, strips, unit
 from dubbing.workshop.synthetic.anatomy.mesh import smoothstep
 from dubbing.workshop.synthetic.anatomy.skin_grid import skin_grid
@@ -114,13 +114,7 @@ def _strand(face: Face, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarra
 
 
 def _gradient(p: np.ndarray, face: Face) -> np.ndarray:
-    e = 0.05
-    d = [
-        head_distance(p + e * np.eye(3)[k], face) - head_distance(p - e * np.eye(3)[k], face)
-        for k in range(3)
-    ]
-    g = np.stack(d, axis=-1)
-    return g / np.maximum(np.linalg.norm(g, axis=-1, keepdims=True), 1e-9)
+    return outward(lambda at: head_distance(at, face), p, 0.05)
 
 
 def _comb(p: np.ndarray, face: Face, style: Style) -> np.ndarray:

@@ -6,6 +6,8 @@ after Quilez), symmetric in x. Ellipsoid distances are first order estimates, so
 has to shorten its steps.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from dubbing.workshop.synthetic.anatomy.face import Face
@@ -70,6 +72,15 @@ def head_distance(p: np.ndarray, face: Face) -> np.ndarray:
     lid = capsule(p, (EYE[0], EYE[1], EYE[2]), (EYE[0] + 0.01, EYE[1], EYE[2]), LID, LID)
     d = smooth_min(d, lid, 0.35)
     return _lips(_nose(d, p, face), p, face)
+
+
+def outward(
+    distance: Callable[[np.ndarray], np.ndarray], p: np.ndarray, reach: float
+) -> np.ndarray:
+    """Unit gradient (N, 3) of a distance field at points p (N, 3): differences over 2 reach cm."""
+    steps = reach * np.eye(3)
+    slope = np.stack([distance(p + step) - distance(p - step) for step in steps], axis=-1)
+    return slope / np.maximum(np.linalg.norm(slope, axis=-1, keepdims=True), 1e-9)
 
 
 def _nose(d: np.ndarray, p: np.ndarray, face: Face) -> np.ndarray:

@@ -54,14 +54,7 @@ def grid_normals(grid: np.ndarray, wrap: bool = False, flip: bool = False) -> np
         right[:, 0], right[:, -1] = grid[:, 1] - grid[:, -1], grid[:, 0] - grid[:, -2]
     else:
         right[:, 0], right[:, -1] = grid[:, 1] - grid[:, 0], grid[:, -1] - grid[:, -2]
-    n = np.stack(
-        [
-            down[..., 1] * right[..., 2] - down[..., 2] * right[..., 1],
-            down[..., 2] * right[..., 0] - down[..., 0] * right[..., 2],
-            down[..., 0] * right[..., 1] - down[..., 1] * right[..., 0],
-        ],
-        axis=-1,
-    )
+    n = np.cross(down, right)
     if flip:
         n = -n
     return n / np.maximum(np.linalg.norm(n, axis=-1, keepdims=True), 1e-12)

@@ -16,6 +16,7 @@ from scipy.spatial import ConvexHull
 from dubbing.workshop.synthetic.anatomy.eyes import within_reach
 from dubbing.workshop.synthetic.anatomy.face import Face
 from dubbing.workshop.synthetic.anatomy.head import NECK, HeadModel, Trunk
+from dubbing.workshop.synthetic.anatomy.head_shape import EYE
 from dubbing.workshop.synthetic.anatomy.lips import MouthShape
 from dubbing.workshop.synthetic.rendering.camera import DISTANCE, Camera, Pose
 from dubbing.workshop.synthetic.rendering.room import room
@@ -117,8 +118,6 @@ class Renderer:
 
     def gaze(self, state: State) -> np.ndarray:
         """(2, 3) unit view directions of the eyes at -x and +x in the head frame."""
-        from dubbing.workshop.synthetic.anatomy.head_shape import EYE
-
         right, up = np.radians(state.gaze)
         centres = np.array([[-EYE[0], EYE[1], EYE[2]], EYE])
         d = state.pose.eye - centres

@@ -83,9 +83,8 @@ def irradiance(
     light += FILL.colour * lambert(rig.fill, wrap + 0.15) * open_sky
     light += RIM.colour * lambert(rig.rim, wrap * 0.5) * open_sky
     half = (0.5 + 0.5 * (n @ rig.up))[:, None]
-    tinted = rig.rest * occlusion[:, None] ** (
-        1.0 - 0.5 * wrap
-    )  # deep places are reddish, not grey
+    # Deep places are reddish, not grey.
+    tinted = rig.rest * occlusion[:, None] ** (1.0 - 0.5 * wrap)
     return (light + (GROUND + half * (SKY - GROUND)) * tinted) * 0.5
 
 

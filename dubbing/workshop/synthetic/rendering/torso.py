@@ -9,10 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from dubbing.workshop.synthetic.anatomy.face import Face
-from dubbing.workshop.synthetic.anatomy.head_shape import capsule, ellipsoid, smooth_cut, smooth_min
+from dubbing.workshop.synthetic.anatomy.head_shape import (
+    capsule,
+    ellipsoid,
+    outward,
+    smooth_cut,
+    smooth_min,
+)
 from dubbing.workshop.synthetic.anatomy.mesh import smoothstep, value_noise
 from dubbing.workshop.synthetic.rendering.camera import Camera
-from dubbing.workshop.synthetic.rendering.shading import Lighting, Rig, irradiance
+from dubbing.workshop.synthetic.rendering.shading import Lighting, Rig, develop, irradiance
 
 SUPERSAMPLE = 2
 FAR = 1.0e6
@@ -77,8 +83,6 @@ def shoot(
     camera: Camera, shift: np.ndarray, face: Face, room: np.ndarray, lighting: Lighting = "soft"
 ) -> Plate:
     """Body before the room (S, S, 3) 0..255, with the body's origin at shift (3,) cm."""
-    from dubbing.workshop.synthetic.rendering.shading import develop
-
     size, n = camera.size, camera.size * SUPERSAMPLE
     first = int(n * 0.60)
     col, row = np.meshgrid(np.arange(n), np.arange(first, n))
@@ -89,7 +93,7 @@ def shoot(
     p = origin + rays[hit] * length[hit][:, None]
     shirt, skin = torso_distance(p, face)
     cloth = shirt < skin
-    normal = _normals(p, face)
+    normal = outward(lambda at: np.minimum(*torso_distance(at, face)), p, 0.08)
     noise = value_noise((n - first, n), (int(n * 0.05), int(n * 0.07)), face.seed + 9).ravel()[hit]
     normal = normal + 0.05 * noise[:, None] * np.array([1.0, 0.6, 0.0])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
@@ -141,19 +145,6 @@ def _march(origin: np.ndarray, rays: np.ndarray, face: Face) -> tuple[np.ndarray
         if len(alive) == 0:
             break
     return length, hit
-
-
-def _normals(p: np.ndarray, face: Face) -> np.ndarray:
-    e = 0.08
-    axes = np.eye(3) * e
-    g = np.stack(
-        [
-            np.minimum(*torso_distance(p + a, face)) - np.minimum(*torso_distance(p - a, face))
-            for a in axes
-        ],
-        axis=1,
-    )
-    return g / np.maximum(np.linalg.norm(g, axis=1, keepdims=True), 1e-9)
 
 
 def _shadow(p: np.ndarray, direction: np.ndarray, face: Face) -> np.ndarray:
