@@ -51,7 +51,8 @@ def train_network(
     optimiser = torch.optim.AdamW(network.parameters(), lr=RATE, weight_decay=DECAY)
     rates = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, settings.steps, pct_start=WARM_UP)
     about = asdict(settings) | {"parts": [part.name for part in parts]}
-    first = _restore(resume / STATE, about, network, optimiser, rates, batches)
+    learner = {"network": network, "optimiser": optimiser, "rates": rates}
+    first = _restore(resume / STATE, about, learner, batches)
     network.train()
     for step in range(first, settings.steps):
         batch = batches.draw()
@@ -70,27 +71,20 @@ def train_network(
             loss_text = ", ".join(f"{part.item():.3f}" for part in each)
             progress(f"step {done} of {settings.steps}: {loss_text}", done / settings.steps)
         if done % SAVED_EVERY == 0 and done < settings.steps:
-            _save(resume / STATE, about, done, network, optimiser, rates, batches)
+            _save(resume / STATE, about, done, learner, batches)
     shutil.rmtree(resume, ignore_errors=True)
     return network.eval()
 
 
 def _save(
-    file: Path,
-    about: dict[str, Any],
-    step: int,
-    network: AcousticNetwork,
-    optimiser: torch.optim.Optimizer,
-    rates: torch.optim.lr_scheduler.LRScheduler,
-    batches: Batches,
+    file: Path, about: dict[str, Any], step: int, learner: dict[str, Any], batches: Batches
 ) -> None:
+    """Write the state of a run; of a learner, what changes in each of its parts."""
     file.parent.mkdir(parents=True, exist_ok=True)
     state = {
         "about": about,
         "step": step,
-        "network": network.state_dict(),
-        "optimiser": optimiser.state_dict(),
-        "rates": rates.state_dict(),
+        **{name: part.state_dict() for name, part in learner.items()},
         "torch": torch.get_rng_state(),
         "numpy": batches.rng.bit_generator.state,
     }
@@ -98,14 +92,7 @@ def _save(
         torch.save(state, temporary)
 
 
-def _restore(
-    file: Path,
-    about: dict[str, Any],
-    network: AcousticNetwork,
-    optimiser: torch.optim.Optimizer,
-    rates: torch.optim.lr_scheduler.LRScheduler,
-    batches: Batches,
-) -> int:
+def _restore(file: Path, about: dict[str, Any], learner: dict[str, Any], batches: Batches) -> int:
     """The step to go on from: 0 without a state."""
     if not file.exists():
         return 0
@@ -116,9 +103,8 @@ def _restore(
             str(file.parent),
             "finish it with its own settings, or delete that folder",
         )
-    network.load_state_dict(state["network"])
-    optimiser.load_state_dict(state["optimiser"])
-    rates.load_state_dict(state["rates"])
+    for name, part in learner.items():
+        part.load_state_dict(state[name])
     torch.set_rng_state(state["torch"])
     batches.rng.bit_generator.state = state["numpy"]
     return int(state["step"])

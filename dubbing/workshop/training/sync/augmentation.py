@@ -53,12 +53,9 @@ def vary_mouth(mouths: np.ndarray, sides: np.ndarray, rng: np.random.Generator) 
 
 def vary_sound(sound: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Sounds (G, A, D) with both kinds of channels varied, each in its own way."""
-    parts = {
-        "mel": vary_mel(sound[..., SOUND_CHANNELS["mel"]], rng),
-        "rnn": sound[..., SOUND_CHANNELS["rnn"]],
-    }
-    parts["rnn"] = parts["rnn"] + rng.normal(0, RNN_NOISE, parts["rnn"].shape)
-    return np.concatenate([parts[name] for name in SOUND_CHANNELS], axis=-1).astype(np.float32)
+    mel, rnn = (sound[..., SOUND_CHANNELS[name]] for name in ("mel", "rnn"))
+    parts = [vary_mel(mel, rng), rnn + rng.normal(0, RNN_NOISE, rnn.shape)]
+    return np.concatenate(parts, axis=-1).astype(np.float32)
 
 
 def vary_mel(mel: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -21,20 +21,20 @@ from scipy.optimize import minimize
 from dubbing import media
 from dubbing.face.mouth.mouth_crop import mouth_crops
 from dubbing.face.mouth.mouth_shape import mouth_shape
-from dubbing.speech.voice_activity import SAMPLE_RATE, STEP_RATE, at_times
+from dubbing.speech.voice_activity import SAMPLE_RATE, at_times
 from dubbing.sync.closeness import LEAST, WEIGHTS, Closeness, closeness
 from dubbing.sync.curves import MAX_OFFSET, CurveSum, distances, early_ms, estimate
 from dubbing.sync.judgement import judge
 from dubbing.sync.measure import Sound
 from dubbing.sync.mouth_figures import MouthSeries, mouth_figures, of_mouth
 from dubbing.sync.network.channels import SoundChannels
-from dubbing.sync.network.embeddings import mouth_embeddings, sound_embeddings
+from dubbing.sync.network.embeddings import mouth_embeddings
 from dubbing.sync.network.sync_network import SyncNetwork, load_network
 from dubbing.sync.network.weight_path import SYNC_WEIGHTS
 from dubbing.sync.result import FaceResult, Figures, Verdict
 from dubbing.sync.sums import SILENT_WEIGHT
 from dubbing.workshop.training.sync.clips import recorded
-from dubbing.workshop.training.sync.evaluation import area_under_roc
+from dubbing.workshop.training.sync.evaluation import area_under_roc, sound_around
 from dubbing.workshop.training.sync.faults import Mouth, mouth_faults
 
 SECONDS = 3.0
@@ -123,10 +123,7 @@ class Calibration:
 
     def take(self, rate: float, mouth: Mouth, sound: Sound, heard: np.ndarray) -> Take:
         """A mouth of F frames beside what is heard of a sound at moments (F,)."""
-        reach = np.arange(1, MAX_OFFSET + 1) / rate
-        around = np.concatenate([heard[0] - reach[::-1], heard, heard[-1] + reach])
-        sounds = sound_embeddings(self.network, sound.features, around)
-        sounds[(around < 0) | (around > len(sound.features) / STEP_RATE)] = np.nan
+        sounds = sound_around(self.network, sound.features, heard, rate, MAX_OFFSET)
         shown = np.arange(len(heard)) / rate
         rows = distances(mouth_embeddings(self.network, *mouth, shown), sounds)
         series = MouthSeries(rate, *of_mouth(*mouth, rate), *at_times(sound.heard, heard).T)
@@ -191,10 +188,8 @@ def compared(
     found, curve, rate = take.figures(part), take.curve(part), take.series.rate
     best = estimate(curve)
     if found is not None and film is not None and best is not None:
-        near, seconds = (
-            closeness(found, film, early_ms(curve, rate)),
-            (part.stop - part.start) / rate,
-        )
+        near = closeness(found, film, early_ms(curve, rate))
+        seconds = (part.stop - part.start) / rate
         face = FaceResult(0, 0.5, 0.5, seconds, 0, film.certainty, film)
         early = best.offset * 1000 / rate
         verdict, _ = judge(best, early, found, face, near, seconds=seconds)

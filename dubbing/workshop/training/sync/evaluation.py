@@ -59,22 +59,24 @@ class Embedded:
 def embed(network: SyncNetwork, clip: TalkingClip) -> Embedded:
     rate = 1 / float(np.median(np.diff(clip.times)))
     mouth = mouth_embeddings(network, clip.shapes, clip.crops, clip.times)
-    rows = distances(mouth, sound_around(network, clip, clip.times, rate), WIDE)
+    rows = distances(mouth, sound_around(network, clip.sound, clip.times, rate), WIDE)
     weights = SILENT_WEIGHT + at_times(clip.voice, clip.times)
     best = OFFSETS[int(np.nanargmin(mean_curve(rows, weights)[NEAR]))]
     return Embedded(clip, rate, mouth, rows, weights, best)
 
 
 def sound_around(
-    network: SyncNetwork, clip: TalkingClip, times: np.ndarray, rate: float
+    network: SyncNetwork, sound: np.ndarray, times: np.ndarray, rate: float, reach: int = WIDE
 ) -> np.ndarray:
-    """The clip's sound at `times` (F,) and WIDE frames more each way, (F + 2 WIDE, E)."""
-    early = times[0] - np.arange(WIDE, 0, -1) / rate
-    late = times[-1] + np.arange(1, WIDE + 1) / rate
-    moments = np.concatenate([early, times, late])
-    sound = sound_embeddings(network, clip.sound, moments)
-    sound[(moments < 0) | (moments > len(clip.sound) / STEP_RATE)] = np.nan
-    return sound
+    """A sound (T, D) at `times` (F,) and so many frames more each way, (F + 2 reach, E).
+
+    NaN before its beginning and after its end.
+    """
+    beside = np.arange(1, reach + 1) / rate
+    moments = np.concatenate([times[0] - beside[::-1], times, times[-1] + beside])
+    found = sound_embeddings(network, sound, moments)
+    found[(moments < 0) | (moments > len(sound) / STEP_RATE)] = np.nan
+    return found
 
 
 def mean_curve(rows: np.ndarray, weights: np.ndarray) -> np.ndarray:
@@ -128,7 +130,7 @@ def other_confidences(
             begin = rng.uniform(0, room) + WIDE / embedded.rate
             if other is embedded.clip and abs(begin - times[0]) < seconds + APART:
                 continue
-            sound = sound_around(network, other, begin + times - times[0], embedded.rate)
+            sound = sound_around(network, other.sound, begin + times - times[0], embedded.rate)
             rows = distances(embedded.mouth[part], sound, WIDE)[:, NEAR]
             voice = at_times(other.voice, begin + times - times[0])
             confidences.append(confidence(mean_curve(rows, SILENT_WEIGHT + voice)))
