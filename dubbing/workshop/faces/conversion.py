@@ -137,13 +137,15 @@ class _Conversion:
             factor = factor[0][PLANE][None]
         self._add_step("scale", operator, 1, weights=self._keep(operator, factor))
 
-    def _pool(self, op: str, operator: Operator) -> None:
+    def _max_pool(self, operator: Operator) -> None:
         stride, size = operator.option(1), operator.option(3)
         if stride != size or operator.option(2) != stride or operator.option(4) != size:
             raise ValueError("pooling that is not square")
         if self._shape(operator.inputs[0])[1] % size:
             raise ValueError("pooling beyond the edge")
-        self._add_step(op, operator, 1, size=size)
+        self._add_step(operator.name, operator, 1, size=size)
+
+    _average_pool = _max_pool
 
     def _mean(self, operator: Operator) -> None:
         """Of all pixels. The result stays an image, of one pixel."""
@@ -159,12 +161,6 @@ class _Conversion:
             raise ValueError("a full connection with an activation")
         kept = self._keep(operator, weight[:, :, None, None], bias)
         self._add_step("convolve", operator, 1, weights=kept, stride=1, groups=1, padding=[0, 0])
-
-    def _max_pool(self, operator: Operator) -> None:
-        self._pool("max_pool", operator)
-
-    def _average_pool(self, operator: Operator) -> None:
-        self._pool("average_pool", operator)
 
     def _resize(self, operator: Operator) -> None:
         if operator.option(2, "b") or not operator.option(3, "b"):

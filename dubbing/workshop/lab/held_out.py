@@ -79,10 +79,8 @@ def held_out(frames: int, rate: Fraction, parts: Sequence[Part], most: float | N
     longest = max(parts, key=lambda part: part[1])
     first, count = next((part for part in parts if part[1] >= wanted), longest)
     length = min(count, wanted)
-    return (
-        first + count - length,
-        length if most is None else min(length, max(1, round(most * rate))),
-    )
+    tested = length if most is None else min(length, max(1, round(most * rate)))
+    return first + count - length, tested
 
 
 def unlearned(

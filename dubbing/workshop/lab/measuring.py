@@ -55,11 +55,10 @@ class FrameFigures:
     sharpness_eyes: float
 
 
-def extent(points: np.ndarray, size: int, margin: float = 0.0) -> Tensor:
-    """Box round points (P, 2), grown by a share of its size: left, top, right, bottom."""
-    low, high = points.min(0), points.max(0)
-    grow = (high - low) * margin
-    return torch.from_numpy(np.clip([*(low - grow), *(high + grow)], 0, size).round())
+def extent(points: np.ndarray, size: int) -> Tensor:
+    """Box round points (P, 2) in an image: left, top, right, bottom."""
+    box = np.concatenate([points.min(0), points.max(0)])
+    return torch.from_numpy(np.clip(box, 0, size).round())
 
 
 def measure(

@@ -22,6 +22,7 @@ from dubbing.workshop.lab.result_tables import P15, P15X, table
 from dubbing.workshop.lab.results import (
     Request,
     conditions,
+    figures_of,
     filled,
     measure_seeds,
     printer,
@@ -149,12 +150,8 @@ def document(
             {name: {m: found[m] for m in names if m in found} for name, found in run.items()}
             for run in runs
         ]
-        dubs = [
-            {n: {m: f.get("p15x", {}) for m, f in found.items()} for n, found in run.items()}
-            for run in own
-        ]
         lines += ["", f"**{title}**, P15:", "", *table(PICTURES, own)]
-        lines += ["", f"**{title}**, P15x:", "", *table(DUBS, dubs)]
+        lines += ["", f"**{title}**, P15x:", "", *table(DUBS, figures_of("p15x", own))]
     return filled(text, MARKS, lines)
 
 

@@ -148,12 +148,8 @@ def document(text: str, request: Request, runs: Sequence[Figures], today: dateti
         *table(P15X, dubs),
     ]
     if any(made_of):
-        lines += [
-            "",
-            "**What the replaced pixels and the mouth of a dub are made of**, shares:",
-            "",
-        ]
-        lines += table(SHARES, made_of)
+        lines += ["", "**What the replaced pixels and the mouth of a dub are made of**, shares:"]
+        lines += ["", *table(SHARES, made_of)]
         lines += ["", "**The mouth to itself after a change of one part**, PSNR in dB:", ""]
         lines += table(CHANGED, made_of)
     return filled(text, (BEGIN, END), lines)
@@ -262,9 +258,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         request = Request(given.seeds, variants(given.method or ["dfrf"]), *how)
         text = given.document.read_text(encoding="utf-8")
-        document(
-            text, request, [{} for _ in given.seeds], datetime.date.min
-        )  # before hours of work
+        # Before hours of work.
+        document(text, request, [{} for _ in given.seeds], datetime.date.min)
         productions = [load(path) for path in given.manifests]
         names = [name for production in productions for name in production.people]
         if twice := [name for name in names if names.count(name) > 1]:
