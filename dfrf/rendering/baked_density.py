@@ -19,7 +19,7 @@ from torch import Tensor, nn
 from dfrf.cameras import Rays
 from dfrf.field.field import DENSITY_SCALE
 from dfrf.rendering.occupancy import OccupancyGrid
-from dfrf.rendering.ray_marching import Search, search_interval
+from dfrf.rendering.ray_marching import Search, candidates
 
 # Before softplus: a sample of EMPTY is transparent, one of SOLID is opaque.
 EMPTY, SOLID = -8.0, 4.0
@@ -68,13 +68,10 @@ class FrameDensity:
             step: distance between samples, head units.
             search: where along each ray to search; everywhere when None.
         """
-        enter, leave = search_interval(rays, self.grid, step, search or Search())
-        span = (leave - enter).amax().clamp_min(0) if len(enter) else enter.new_zeros(())
-        steps = torch.arange(int(torch.ceil(span / step).item()), device=enter.device)
-        distance = enter[:, None] + (steps + 0.5) * step
+        distance, searched = candidates(rays, self.grid, step, search or Search())
         points = rays.origins[:, None] + distance[..., None] * rays.directions[:, None]
         # Equation (8), as in `render_rays`.
-        thickness = (self(points) * step).where(distance < leave[:, None], 0)
+        thickness = (self(points) * step).where(searched, 0)
         passed = torch.exp(-F.pad(thickness.cumsum(1), (1, 0)))
         weights = passed[:, :-1] - passed[:, 1:]
         opacity = weights.sum(1)

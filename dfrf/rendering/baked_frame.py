@@ -25,15 +25,7 @@ from dfrf.rendering.frame_buffer import HeadImage, Pixels
 from dfrf.rendering.frame_renderer import BLOCK, grown, head_blocks
 from dfrf.rendering.ray_marching import Search
 from dfrf.rendering.surface_details import SurfaceDetails
-from dfrf.rendering.view_images import (
-    ViewImages,
-    between,
-    group,
-    range_of,
-    read,
-    sampled,
-    unit,
-)
+from dfrf.rendering.view_images import ViewImages, between, group, range_of, read, sampled, unit
 from dfrf.rendering.volume_rendering import SeenRays, Volume
 
 SEEN = 0.05  # opacity from which a vertex is asked what it shows

@@ -9,6 +9,7 @@ S the side of the image, b = S / 4 blocks of 4 x 4 pixels along it, P pixels.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
@@ -94,17 +95,14 @@ class FrameRenderer:
         number = (row + self.buffer.row) * self.camera.size + column + self.buffer.column
         return self.camera.rays(number)
 
-    def render(
-        self, at: Pixels, near: Float[Tensor, " P"] | None = None, far: Tensor | None = None
-    ) -> None:
+    def render(self, at: Pixels, between: Sequence[Float[Tensor, " P"]] = ()) -> None:
         """Renders pixels, sampling each ray between two distances, or everywhere."""
         for first in range(0, len(at[0]), RAYS_AT_ONCE):
             part = slice(first, first + RAYS_AT_ONCE)
-            some, between = (at[0][part], at[1][part]), None
-            if near is not None and far is not None:
-                between = near[part], far[part]
+            some = at[0][part], at[1][part]
             rays = self.rays(some)
-            self.write(some, rays, render_rays(self.volume, rays, Search(between=between)))
+            search = Search(between=(between[0][part], between[1][part]) if between else None)
+            self.write(some, rays, render_rays(self.volume, rays, search))
 
     def write(self, at: Pixels, rays: Rays, rendered: RayColours) -> None:
         """Writes the rendered rays of pixels."""
@@ -182,5 +180,5 @@ def render_frame(
             renderer.render((at[0][left], at[1][left]))
         else:
             left &= around.near <= around.far
-            renderer.render((at[0][left], at[1][left]), around.near[left], around.far[left])
+            renderer.render((at[0][left], at[1][left]), (around.near[left], around.far[left]))
     return buffer.frame(size)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from dfrf.cameras import Rays
@@ -96,12 +96,12 @@ def box_interval(
     return enter, leave
 
 
-def search_interval(
+def candidates(
     rays: Rays, grid: OccupancyGrid, step: float, search: Search
-) -> tuple[Float[Tensor, " R"], Float[Tensor, " R"]]:
-    """First and last distance to search along each ray, inside the grid's box.
+) -> tuple[Float[Tensor, "R S"], Bool[Tensor, "R S"]]:
+    """Distances along each ray, a step apart, and which of them are searched inside the grid's box.
 
-    The first is a whole number of steps from the camera, so the positions of samples depend neither
+    They begin a whole number of steps from the camera, so the positions of samples depend neither
     on the box nor on the search.
     """
     enter, leave = box_interval(rays.origins, rays.directions, *grid.bounds())
@@ -109,7 +109,12 @@ def search_interval(
         # Samples right at both ends count, however they are rounded.
         enter = torch.maximum(enter, search.between[0] - step / 4)
         leave = torch.minimum(leave, search.between[1] + step / 4)
-    return (enter / step).floor() * step, leave
+    enter = (enter / step).floor() * step
+    span = (leave - enter).amax().clamp_min(0) if len(enter) else enter.new_zeros(())
+    steps = torch.arange(int(torch.ceil(span / step).item()), device=enter.device)
+    jitter = 0.5 if search.jitter is None else search.jitter[:, None]
+    distance = enter[:, None] + (steps + jitter) * step
+    return distance, distance < leave[:, None]
 
 
 def march(
@@ -123,15 +128,9 @@ def march(
         config: step and the largest number of samples a ray.
         search: where along the rays to search.
     """
-    search, count = search or Search(), rays.origins.shape[0]
-    jitter = search.jitter
-    if jitter is None:
-        jitter = rays.origins.new_full((count,), 0.5)
-    enter, leave = search_interval(rays, grid, config.step, search)
-    span = (leave - enter).amax().clamp_min(0) if count else enter.new_zeros(())
-    steps = torch.arange(int(torch.ceil(span / config.step).item()), device=enter.device)
-    along = enter[:, None] + (steps + jitter[:, None]) * config.step
-    ray, step = (along < leave[:, None]).nonzero(as_tuple=True)
+    count = rays.origins.shape[0]
+    along, searched = candidates(rays, grid, config.step, search or Search())
+    ray, step = searched.nonzero(as_tuple=True)
     distance = along[ray, step]
     points = rays.origins[ray] + distance[:, None] * rays.directions[ray]
     flat, inside = grid.cell(points)
