@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from contextlib import AbstractContextManager
-from dataclasses import fields, replace
-from typing import Any, Self, cast
+from dataclasses import replace
+from typing import Self
 
 import torch
 from torch import Tensor
@@ -17,14 +17,9 @@ class Movable:
 
     def to(self, device: torch.device) -> Self:
         """The same on a device: its tensors, and those of its parts that can be moved."""
-        own: Any = self
-        values = {field.name: getattr(own, field.name) for field in fields(own)}
-        moved = {
-            name: value.to(device)
-            for name, value in values.items()
-            if isinstance(value, Tensor | Movable)
-        }
-        return cast(Self, replace(own, **moved))
+        parts = vars(self).items()
+        moved = {k: v.to(device) for k, v in parts if isinstance(v, Tensor | Movable)}
+        return replace(self, **moved)  # type: ignore[type-var]
 
 
 def choose(name: str = "auto") -> torch.device:

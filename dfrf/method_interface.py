@@ -104,21 +104,18 @@ class Method(ABC, Generic[ShareT, MapsT]):
     """How a model of one kind reads references, is trained, and renders.
 
     Attributes:
+        model: that is trained and rendered.
         parallel_shares: largest number of shares of a step that are computed in parallel.
         segment: frames rendered between two saves; a killed run loses no more than these.
         reach: frames before and after the rendered ones whose speech is needed too.
         refines_poses: whether `resting_heads` exist, with which poses are refined.
     """
 
+    model: HeadModel
     parallel_shares: int
     segment: int
     reach: int
     refines_poses: bool = False
-
-    @property
-    @abstractmethod
-    def model(self) -> HeadModel:
-        """The model that is trained and rendered."""
 
     @property
     @abstractmethod

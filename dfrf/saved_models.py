@@ -89,12 +89,7 @@ def save_person(
     """Saves a person's model together with its references."""
     tensors = model.state_dict()
     if views is not None:
-        tensors |= {
-            "reference.images": views.images,
-            "reference.mattes": views.mattes,
-            "reference.c2w": views.c2w,
-            "reference.centres": views.centres,
-        }
+        tensors |= {f"reference.{name}": getattr(views, name) for name in REFERENCE_SHAPES}
         header = {**header, "focal": views.focal, "scale": views.scale}
         if views.mouths is not None:
             tensors |= {f"mouth.{name}": value for name, value in _mouth_tensors(views.mouths)}

@@ -83,18 +83,15 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
         conditioning: of every image of each person of a run, by name.
     """
 
+    model: FastModel
     parallel_shares = SHARES
     segment = 50
     reach = CONTEXT_FRAMES
     refines_poses = True
 
     def __init__(self, model: FastModel) -> None:
-        self._model = model
+        self.model = model
         self.conditioning: dict[str, Tensor] = {}
-
-    @property
-    def model(self) -> FastModel:
-        return self._model
 
     @property
     def references(self) -> int:

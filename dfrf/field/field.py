@@ -243,8 +243,5 @@ class Field(nn.Module):
         own = raw[..., :3].sigmoid()
         if fused is None or near is None:
             return density, own, torch.zeros_like(raw[..., 3:])
-        return (
-            density,
-            own,
-            torch.lerp((raw[..., 3:] + 2).sigmoid(), raw.new_ones(()), near[:, None]),
-        )
+        share = torch.lerp((raw[..., 3:] + 2).sigmoid(), raw.new_ones(()), near[:, None])
+        return density, own, share

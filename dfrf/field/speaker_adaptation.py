@@ -22,9 +22,8 @@ HEARD = 32
 NUMBERS = PREDICTED + HEARD
 NEIGHBOURS = 2  # frames to each side that a frame's lips are predicted from
 SMOOTHING = (0.25, 0.5, 0.25)  # of the score over neighbouring frames: lips must not twitch
-CONTEXT_FRAMES = (
-    NEIGHBOURS + len(SMOOTHING) // 2
-)  # frames to each side that count for a frame's lips
+# Frames to each side that count for a frame's lips.
+CONTEXT_FRAMES = NEIGHBOURS + len(SMOOTHING) // 2
 OWN = slice(NEIGHBOURS * NUMBERS, NEIGHBOURS * NUMBERS + PREDICTED)  # in a row of neighbours
 # Weight of the prediction, in frames, for each of its numbers; chosen on held-out people. A few
 # frames determine the width badly.

@@ -85,16 +85,13 @@ class PaperMethod(Method[PaperShare, EncodedReferences]):
     holds the samples of one share and one gradient of the references' features.
     """
 
+    model: PaperModel
     parallel_shares = 1
     segment = 1
     reach = 0
 
     def __init__(self, model: PaperModel) -> None:
-        self._model = model
-
-    @property
-    def model(self) -> PaperModel:
-        return self._model
+        self.model = model
 
     @property
     def references(self) -> int:

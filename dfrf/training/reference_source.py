@@ -60,7 +60,7 @@ class ReferenceSource:
         if self.chosen is not None:
             views = self.method.reference_views(dataset, self.chosen[dataset.name])
         else:
-            frames = self.random_frames(dataset, exclude, generator)
+            frames = random_frames(dataset, self.method.references, exclude, generator)
             views = self.method.reference_views(dataset, frames, mouths=False)
         if augmentation is not None:
             views = augmentation.of_views(views)
@@ -71,11 +71,11 @@ class ReferenceSource:
             self.fixed[dataset.name] = maps
         return maps
 
-    def random_frames(
-        self, dataset: HeadDataset, exclude: Int[Tensor, " F"], generator: torch.Generator
-    ) -> Int[Tensor, " N"]:
-        """As many frames as the method wants, none of `exclude` where there are enough others."""
-        count = self.method.references
-        order = torch.randperm(dataset.frames, generator=generator)
-        frames = order[~torch.isin(order, exclude)][:count]
-        return frames if frames.numel() == count else order[:count]
+
+def random_frames(
+    dataset: HeadDataset, count: int, exclude: Int[Tensor, " F"], generator: torch.Generator
+) -> Int[Tensor, " N"]:
+    """Random frames of a person, none of `exclude` where there are enough others."""
+    order = torch.randperm(dataset.frames, generator=generator)
+    others = order[~torch.isin(order, exclude)]
+    return (others if len(others) >= count else order)[:count]

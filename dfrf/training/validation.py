@@ -19,6 +19,7 @@ from dfrf.data.dataset import HeadDataset
 from dfrf.data.ray_batch import RayBatch, draw_rays
 from dfrf.field.reference_views import ReferenceViews
 from dfrf.method_interface import Method
+from dfrf.training.reference_source import random_frames
 from dfrf.workers import Workers
 
 SEED = 0
@@ -55,12 +56,9 @@ def draw_held_out_rays(
     generator = torch.Generator().manual_seed(SEED)
     some = torch.randint(dataset.frames, (config.frames,), generator=generator)
     batch = draw_rays(dataset, some, config, generator)
-    references = method.references
-    if not references:
+    if not method.references:
         return HeldOutRays(dataset, batch, None)
-    order = torch.randperm(dataset.frames, generator=generator)
-    others = order[~torch.isin(order, batch.frames)]
-    chosen = (others if len(others) >= references else order)[:references]
+    chosen = random_frames(dataset, method.references, batch.frames, generator)
     return HeldOutRays(dataset, batch, method.reference_views(dataset, chosen, mouths=False))
 
 
