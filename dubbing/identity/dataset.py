@@ -28,6 +28,7 @@ EYES_POINTS = ((133, 33, 159, 145, 105, 468), (362, 263, 386, 374, 334, 473))
 LIDS, BROWS, GAZE = 0.1, 0.03, 0.01
 MOST_EXPRESSION = 4.0  # of these, to either side of the median
 RIM_WIDTH = 0.016  # of the crop's side
+LIPS = [*OUTER_LIP, *INNER_LIP]
 
 
 def mouth_boxes(landmarks: np.ndarray, size: int) -> np.ndarray:
@@ -174,8 +175,8 @@ def load_identity(
             field: t if field in ("number", "segment") else t.float() for field, t in joined.items()
         },
         focal=float(first.focal),
-        surface=surface_points(first),
-        lip_shape=lip_shape(first),
+        surface=mean_face(first, RIGID),
+        lip_shape=mean_face(first, LIPS),
     )
 
 
@@ -210,16 +211,9 @@ def enlarged(image: np.ndarray, centre: np.ndarray, ratio: float) -> np.ndarray:
     return cv2.warpAffine(image, matrix, image.shape[:2], borderMode=cv2.BORDER_REPLICATE)
 
 
-def surface_points(clip: PreparedClip) -> Tensor:
-    """Rigid points of the person's mean face in the head frame, y up, (V, 3)."""
-    points = clip.shape[list(RIGID)] * np.array([1.0, -1.0, -1.0])
-    return torch.from_numpy(points).float()
-
-
-def lip_shape(clip: PreparedClip) -> Tensor:
-    """Points of the lips of the person's mean face in the head frame, y up, (40, 3)."""
-    points = clip.shape[[*OUTER_LIP, *INNER_LIP]] * np.array([1.0, -1.0, -1.0])
-    return torch.from_numpy(points).float()
+def mean_face(clip: PreparedClip, points: Sequence[int]) -> Tensor:
+    """Points of the person's mean face in the head frame, y up, (V, 3)."""
+    return torch.from_numpy(clip.shape[list(points)] * np.array([1.0, -1.0, -1.0])).float()
 
 
 def lip_points(clip: PreparedClip, frames: np.ndarray) -> Tensor:
@@ -229,8 +223,8 @@ def lip_points(clip: PreparedClip, frames: np.ndarray) -> Tensor:
     """
     c2w = torch.from_numpy(clip.c2w()[frames]).float()
     centre = torch.from_numpy(clip.centre[frames]).float()
-    shape = lip_shape(clip)
+    shape = mean_face(clip, LIPS)
     mean_lips = project(shape, c2w, float(clip.focal), centre)
-    lips = torch.from_numpy(clip.landmarks[frames][:, [*OUTER_LIP, *INNER_LIP]]).float()
+    lips = torch.from_numpy(clip.landmarks[frames][:, LIPS]).float()
     unit = float(clip.focal) / (c2w[:, :, 3] - region(shape)[0]).norm(dim=-1)
     return (lips - mean_lips) / unit[:, None, None]

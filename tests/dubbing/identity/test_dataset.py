@@ -26,8 +26,8 @@ from dubbing.identity.dataset import (
     MOST_EXPRESSION,
     eye_boxes,
     lip_points,
-    lip_shape,
     load_identity,
+    mean_face,
     mouth_boxes,
     region_map,
     upper_face_expression,
@@ -274,7 +274,9 @@ def test_lips_lie_beside_those_of_the_mean_face_by_what_is_seen(clip: PreparedCl
     clip = replace(clip, shape=shape, landmarks=clip.landmarks.copy())
     frames = np.array([2, 5])
     c2w = torch.from_numpy(clip.c2w()[frames]).float()
-    still = project(lip_shape(clip), c2w, float(clip.focal), torch.from_numpy(clip.centre[frames]))
+    still = project(
+        mean_face(clip, lips), c2w, float(clip.focal), torch.from_numpy(clip.centre[frames])
+    )
     clip.landmarks[frames[:, None], lips] = still.numpy()
     torch.testing.assert_close(lip_points(clip, frames), torch.zeros(2, 40, 2), atol=1e-4, rtol=0)
     clip.landmarks[frames[:, None], lips] += [0, 3]
