@@ -107,8 +107,6 @@ def face_contour(landmarks: np.ndarray, size: int) -> FaceContour:
         return np.asarray((at - landmarks[CHIN]) @ up)
 
     marks = (height(landmarks[list(pair)]) for pair in (CORNERS, CHEEKS, LOBES))
-    inside, middle = (
-        region[margin:-margin, margin:-margin],
-        (landmarks.min(0) + landmarks.max(0)) / 2,
-    )
+    inside = region[margin:-margin, margin:-margin]
+    middle = (landmarks.min(0) + landmarks.max(0)) / 2
     return FaceContour(np.ascontiguousarray(inside), middle, points, height(points), *marks)

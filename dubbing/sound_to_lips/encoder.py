@@ -38,10 +38,8 @@ class Layer(nn.Module):
             nn.Linear(CHANNELS, CHANNELS, bias=False) for _ in range(4)
         )
         self.before_perceptron = nn.LayerNorm(CHANNELS, bias=False)
-        self.wide, self.narrow = (
-            nn.Linear(CHANNELS, 4 * CHANNELS),
-            nn.Linear(4 * CHANNELS, CHANNELS),
-        )
+        self.wide = nn.Linear(CHANNELS, 4 * CHANNELS)
+        self.narrow = nn.Linear(4 * CHANNELS, CHANNELS)
 
     def forward(self, x: Float[Tensor, "T C"], turn: tuple[Tensor, Tensor]) -> Float[Tensor, "T C"]:
         """Args: turn: cosine and sine of the angle of each rotated channel, (T, ROTATED)."""

@@ -3,7 +3,7 @@
 Letters: N samples at 16 kHz, T steps of 20 ms, O = 29 outputs.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -34,17 +34,24 @@ class DeepSpeechFeatures:
         return self.extract_blocks(lambda: [samples])
 
     def extract_blocks(self, blocks: voice.Blocks) -> np.ndarray:
-        counted = _Counted(blocks())
+        samples = 0
+
+        def counted() -> Iterator[np.ndarray]:
+            nonlocal samples
+            for block in blocks():
+                samples += len(block)
+                yield block
+
         # A window starts with its step; those of voice_activity are centred on theirs.
         margin = front.WIDTH - voice.HOP
         cepstra = [
             front.cepstra(windows[:, margin:])
-            for windows in voice.step_windows(front.emphasised(counted), voice.HOP + 2 * margin)
+            for windows in voice.step_windows(front.emphasised(counted()), voice.HOP + 2 * margin)
         ]
         if not cepstra:
             return np.zeros((0, OUTPUTS), np.float32)
-        outputs = self._outputs(np.concatenate(cepstra)[: front.steps_heard(counted.samples)])
-        steps = voice.steps(counted.samples)
+        outputs = self._outputs(np.concatenate(cepstra)[: front.steps_heard(samples)])
+        steps = voice.steps(samples)
         features = np.zeros((steps, OUTPUTS), np.float32)
         held = np.minimum(np.arange(steps - 1), len(outputs) - 1)
         features[1:] = outputs[held]
@@ -61,16 +68,3 @@ class DeepSpeechFeatures:
             outputs = self._network(torch.from_numpy(inputs.astype(np.float32)))
             parts.append(outputs[begin - low :][:PIECE].numpy())
         return np.concatenate(parts)
-
-
-class _Counted:
-    """Blocks of a sound, and the number of their samples."""
-
-    def __init__(self, blocks: Iterable[np.ndarray]) -> None:
-        self._blocks = blocks
-        self.samples = 0
-
-    def __iter__(self) -> Iterator[np.ndarray]:
-        for block in self._blocks:
-            self.samples += len(block)
-            yield block
