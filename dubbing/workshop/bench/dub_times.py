@@ -12,6 +12,7 @@ import json
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,6 @@ import typer
 from dubbing.engine.disk.files import atomic_write_json
 
 CONSENT = {"by": "for timing alone", "reference": "none: nothing made here leaves this folder"}
-PERSON = "somebody"
 
 
 @dataclass(frozen=True)
@@ -33,11 +33,24 @@ class Wait:
     stages: dict[str, float]
 
 
-def manifest(clip: Path, speech: Path, out: Path, seconds: float, size: int) -> dict[str, Any]:
-    """A manifest of one person and one dub."""
+def manifest(
+    clip: Path, speech: Path, out: Path, *, lengths: Sequence[float], size: int, people: int = 1
+) -> dict[str, Any]:
+    """A manifest in which everybody has a dub of each length."""
+    names = [f"person{k}" for k in range(people)]
     person = {"clip": str(clip), "size": size, "consent": CONSENT}
-    dub = {"name": "one", "identity": PERSON, "audio": str(speech), "audio_seconds": seconds}
-    return {"version": 1, "output": str(out), "identities": {PERSON: person}, "dubs": [dub]}
+    dubs = [
+        {
+            "name": f"{name}_{seconds:g}s",
+            "identity": name,
+            "audio": str(speech),
+            "audio_seconds": seconds,
+        }
+        for name in names
+        for seconds in lengths
+    ]
+    people_of = {name: {**person, "seed": k} for k, name in enumerate(names)}
+    return {"version": 1, "output": str(out), "identities": people_of, "dubs": dubs}
 
 
 def stage_seconds(work: Path) -> dict[tuple[str, float], float]:
@@ -63,8 +76,9 @@ def waits(clip: Path, speech: Path, out: Path, seconds: float, size: int) -> lis
     """Runs `dfrf dub` again and again, each time after a change."""
     out.mkdir(parents=True)
     path, found = out / "manifest.yaml", []
-    plan = manifest(clip, speech, out, seconds, size)
+    plan = manifest(clip, speech, out, lengths=[seconds], size=size)
     first = plan["dubs"][0]
+    first["name"] = "one"
 
     def wait(what: str, *options: str) -> None:
         before = stage_seconds(out / "work") if (out / "work").is_dir() else {}

@@ -11,11 +11,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import typer
 
-from dubbing.workshop.bench.dub_times import CONSENT, dubbed
+from dubbing.workshop.bench.dub_times import dubbed, manifest
 
 LENGTHS = (2.5, 5.0, 10.0)  # s of speech
 SIZES = (128, 256, 512)  # px
@@ -30,26 +29,6 @@ class Row:
     varied: str
     values: Sequence[float]
     seconds: Sequence[float]
-
-
-def manifest(
-    clip: Path, speech: Path, out: Path, *, lengths: Sequence[float], size: int, people: int = 1
-) -> dict[str, Any]:
-    """A manifest in which everybody has a dub of each length."""
-    names = [f"person{k}" for k in range(people)]
-    person = {"clip": str(clip), "size": size, "consent": CONSENT}
-    dubs = [
-        {
-            "name": f"{name}_{seconds:g}s",
-            "identity": name,
-            "audio": str(speech),
-            "audio_seconds": seconds,
-        }
-        for name in names
-        for seconds in lengths
-    ]
-    people_of = {name: {**person, "seed": k} for k, name in enumerate(names)}
-    return {"version": 1, "output": str(out), "identities": people_of, "dubs": dubs}
 
 
 def growth(clip: Path, speech: Path, out: Path) -> list[Row]:
