@@ -32,7 +32,6 @@ OPERATORS = {
     54: "prelu",
     117: "hardswish",
 }
-CUSTOM = 32
 
 
 @dataclass(frozen=True)
@@ -55,9 +54,9 @@ class Table:
         offset = _number(self.data, "H", layout + entry)
         return self.start + offset if offset else 0
 
-    def number(self, field: int, form: str = "i", default: int = 0) -> int:
+    def number(self, field: int, form: str = "i") -> int:
         place = self._place(field)
-        return int(_number(self.data, form, place)) if place else default
+        return int(_number(self.data, form, place)) if place else 0
 
     def table(self, field: int) -> Table | None:
         place = self._place(field)
@@ -97,8 +96,8 @@ class Operator:
     options: Table | None
     custom: bytes
 
-    def option(self, field: int, form: str = "i", default: int = 0) -> int:
-        return self.options.number(field, form, default) if self.options else default
+    def option(self, field: int, form: str = "i") -> int:
+        return self.options.number(field, form) if self.options else 0
 
 
 @dataclass(frozen=True)

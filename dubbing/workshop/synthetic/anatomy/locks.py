@@ -1,6 +1,6 @@
 """Locks of hair: tapered strips along centre lines."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,14 +23,9 @@ class Hair:
 
     def with_more(self, other: "Hair") -> "Hair":
         """This hair and another."""
-        return Hair(
-            np.concatenate([self.vertices, other.vertices]),
-            np.concatenate([self.normals, other.normals]),
-            np.concatenate([self.tangents, other.tangents]),
-            np.concatenate([self.strand, other.strand]),
-            np.concatenate([self.shade, other.shade]),
-            np.concatenate([self.triangles, other.triangles + len(self.vertices)]),
-        )
+        more = replace(other, triangles=other.triangles + len(self.vertices))
+        pairs = zip(vars(self).values(), vars(more).values(), strict=True)
+        return Hair(*(np.concatenate(pair) for pair in pairs))
 
     @staticmethod
     def none() -> "Hair":
