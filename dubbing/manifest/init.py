@@ -1,14 +1,13 @@
 """A first manifest from the clips, recordings and scripts of a folder."""
 
 import mimetypes
-import unicodedata
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
 
-from dubbing.engine.disk.files import atomic_write_text, make_folder
+from dubbing.engine.disk.files import atomic_write_text, make_folder, same_on_disk
 from dubbing.errors import ExplainedError, ManifestError, MediaError, Problem
 from dubbing.manifest.keys.yaml_lines import quoted
 from dubbing.manifest.schema import shipped_uri
@@ -68,9 +67,10 @@ def clip_of(recording: str, clips: Iterable[str]) -> str | None:
     letter nor digit: ``shot1_it`` belongs to ``shot1``, not to ``shot10`` or ``shot``. Of several
     that fit it is the longest. Case does not matter.
     """
-    name = _key(recording)
+    name = same_on_disk(recording)
+    keys = {clip: same_on_disk(clip) for clip in clips}
     fitting = [
-        c for c in clips if name.startswith(_key(c)) and not name[len(_key(c)) :][:1].isalnum()
+        c for c, k in keys.items() if name.startswith(k) and not name[len(k) :][:1].isalnum()
     ]
     return max(fitting, key=len, default=None)
 
@@ -123,7 +123,7 @@ def _dubs(found: Found) -> list[str]:
     for script in found.scripts:
         scene, why = _scene(script, found, pair=pair)
         (unmatched if why else matched).append(f"- {{{', '.join(scene)}}}{why}")
-    stems = Counter(_key(recording.stem) for recording in found.recordings)
+    stems = Counter(same_on_disk(recording.stem) for recording in found.recordings)
     for recording in found.recordings:
         clip = clip_of(recording.stem, found.clips)
         keys = f"identity: {quoted(clip or only)}, audio: {quoted(recording.name)}"
@@ -136,7 +136,7 @@ def _dubs(found: Found) -> list[str]:
         else:
             found.pair(recording, clip, NAMED)
             # The clip's name would stand twice in the default one.
-            name = recording.stem if stems[_key(recording.stem)] == 1 else recording.name
+            name = recording.stem if stems[same_on_disk(recording.stem)] == 1 else recording.name
             matched.append(f"- {{name: {quoted(name)}, {keys}}}")
     lines = ["dubs:", *(f"  {entry}" for entry in matched)]
     if unmatched:
@@ -166,16 +166,15 @@ def _scene(script: Path, found: Found, *, pair: bool) -> tuple[list[str], str]:
     except ExplainedError as error:
         return keys, f"  # {' '.join(str(error).split())}"
     names = list(dict.fromkeys(line.speaker for line in lines))
-    speaker = names[0] if len(names) == 1 else next((n for n in names if _key(n) == _key(clip)), "")
+    own = names if len(names) == 1 else [n for n in names if same_on_disk(n) == same_on_disk(clip)]
+    speaker = next(iter(own), "")
     if not speaker and len(names) > 1:
-        return (
-            keys,
-            f"  # fill in identity, or speakers; there are {', '.join(map(quoted, names))}",
-        )
+        there = ", ".join(map(quoted, names))
+        return keys, f"  # fill in identity, or speakers; there are {there}"
     who = f"speakers: {{{quoted(speaker)}: {quoted(clip)}}}"
     keys.append(who if speaker else f"identity: {quoted(clip)}")
-    stems = [_key(script.stem), *([_key(f"{script.stem}_{speaker}")] if speaker else [])]
-    sound = next((r for r in found.recordings if alone or _key(r.stem) in stems), None)
+    stems = {same_on_disk(script.stem + end) for end in ("", f"_{speaker}" if speaker else "")}
+    sound = next((r for r in found.recordings if alone or same_on_disk(r.stem) in stems), None)
     if sound is None:
         return keys, f"  # no recording is called {quoted(script.stem)}: fill in audio"
     found.recordings.remove(sound)
@@ -219,15 +218,10 @@ def sorted_out(folder: Path) -> Found:
         elif info.frames > 1 and info.audio_rate is None:
             found.left_out.append(f"{quoted(path.name)} has no sound to learn from")
         elif info.frames > 1:
-            other = taken.setdefault(_key(path.stem), path.name)
+            other = taken.setdefault(same_on_disk(path.stem), path.name)
             if other == path.name:
                 found.clips[path.stem] = info
             else:
                 why = f"{quoted(path.name)} has the name of {quoted(other)}"
                 found.left_out.append(why)
     return found
-
-
-def _key(name: str) -> str:
-    """A name as names are compared: file systems write accents in two ways."""
-    return unicodedata.normalize("NFC", name).casefold()

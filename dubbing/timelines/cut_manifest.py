@@ -14,7 +14,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap
 from ruamel.yaml.error import YAMLError
 
-from dubbing.engine.disk.files import atomic_write_text
+from dubbing.engine.disk.files import atomic_write_text, seen_from
 from dubbing.engine.disk.numbered import plain
 from dubbing.errors import ManifestError, Problem
 from dubbing.manifest.edits import edits_file
@@ -28,7 +28,7 @@ from dubbing.timelines import reading, stretch
 from dubbing.timelines.films import Films, Shot, files_under
 from dubbing.timelines.reading import Event
 from dubbing.timelines.speech import FOLDER, Speech
-from dubbing.timelines.stretch import Stretch, placed, seen_from
+from dubbing.timelines.stretch import Stretch, placed
 
 PREVIOUS = "manifest.previous.yaml"
 PERSON = "person"

@@ -1,12 +1,12 @@
 """Finds the films of a timeline's events, and the frames of them that are used."""
 
 import re
-import unicodedata
 from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 
+from dubbing.engine.disk.files import same_on_disk
 from dubbing.engine.disk.numbered import SUFFIXES, plain
 from dubbing.errors import ExplainedError
 from dubbing.media import MediaInfo
@@ -41,12 +41,12 @@ class Films:
         self._named: dict[str, list[Path]] = {}
         for path in paths:
             name = plain(path).name
-            for key in {_key(name), _key(Path(name).stem), _key(stem_of(path))}:
+            for key in {*map(same_on_disk, (name, Path(name).stem, stem_of(path)))}:
                 self._named.setdefault(key, []).append(path)
 
     def named_in(self, text: str) -> Iterator[MediaInfo]:
         """The films that are called in a text; those that cannot be read are left out."""
-        words = _key(text)
+        words = same_on_disk(text)
         named = (path for key, paths in self._named.items() if key in words for path in paths)
         for path in dict.fromkeys(named):
             try:
@@ -62,8 +62,8 @@ class Films:
         Raises:
             ValueError: there is no film for it, or not one alone.
         """
-        keys = [_key(name) for name in event.names]
-        keys = list(dict.fromkeys([*keys, *(_key(Path(name).stem) for name in event.names)]))
+        names = [*event.names, *(Path(name).stem for name in event.names)]
+        keys = map(same_on_disk, names)
         paths = next((self._named[key] for key in keys if key in self._named), [])
         found, problems = [], []
         for path in paths:
@@ -129,8 +129,3 @@ def files_under(folder: Path, without: Collection[Path]) -> list[Path]:
         name = f"{match[1]}{'#' * len(match[2])}{match[3]}" if match else path.name
         found[path.with_name(name)] = None
     return list(found)
-
-
-def _key(name: str) -> str:
-    """A name as names are compared: file systems write accents in two ways."""
-    return unicodedata.normalize("NFC", name).casefold()

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import soundfile
 
-from dubbing.engine.disk.files import atomic_path
+from dubbing.engine.disk.files import atomic_path, seen_from
 from dubbing.errors import ExplainedError
 from dubbing.manifest.init import clip_of
 from dubbing.timelines.films import Shot
 from dubbing.timelines.reading import Event
-from dubbing.timelines.stretch import Stretch, seen_from
+from dubbing.timelines.stretch import Stretch
 
 FOLDER = "manifest.speech"  # beside the manifest
 SUFFIXES = (".wav", ".flac", ".aif", ".aiff")

@@ -9,6 +9,7 @@ from typing import Any
 
 from ruamel.yaml.comments import CommentedMap
 
+from dubbing.engine.disk.files import seen_from
 from dubbing.engine.disk.numbered import plain
 from dubbing.errors import ExplainedError
 from dubbing.media import probe
@@ -96,8 +97,3 @@ def number(seconds: Fraction) -> float | int:
 def placed(folder: Path, clip: object) -> Path:
     """The path that a manifest in a folder names; of a link the link, which has the clip's name."""
     return Path(os.path.normpath(folder / str(clip)))
-
-
-def seen_from(folder: Path, path: Path) -> str:
-    """A path as a manifest in a folder names it."""
-    return os.path.relpath(path, folder)
