@@ -2,28 +2,12 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import wraps
 from threading import RLock
-from typing import Any, TypeVar, cast
 
 from ..graph.stage_id import StageId
 
 SETTLES = 30.0  # seconds in which what is shown follows a longer estimate
 SURE = 0.1  # share of a stage from which on its own speed says something of others of its kind
-
-
-Method = TypeVar("Method", bound=Callable[..., Any])
-
-
-def _locked(method: Method) -> Method:
-    """One thread at a time: a second one looks while the first one works."""
-
-    @wraps(method)
-    def call(self: "TimeLeft", *arguments: Any) -> Any:
-        with self._lock:
-            return method(self, *arguments)
-
-    return cast(Method, call)
 
 
 @dataclass
@@ -37,7 +21,7 @@ class TimeLeft:
 
     A stage that has begun is believed the more the further it is. How much longer than expected
     its kind takes here holds for those of its kind that are to come; of other kinds, the mean.
-    What is shown falls at once, but rises over `SETTLES` seconds.
+    What is shown falls at once, but rises over `SETTLES` seconds. Several threads may ask and tell.
 
     Args:
         expected: seconds of every stage that is to be done.
@@ -56,55 +40,55 @@ class TimeLeft:
         self._looked = clock()
         self._lock = RLock()
 
-    @_locked
     def begin(self, key: StageId) -> None:
-        self._running[key] = _Running(self._clock())
+        with self._lock:
+            self._running[key] = _Running(self._clock())
 
-    @_locked
     def progress(self, key: StageId, share: float) -> None:
         """So much of a stage is done."""
-        if (stage := self._running.get(key)) is not None:
-            stage.share = min(max(stage.share, share), 1.0)
+        with self._lock:
+            if (stage := self._running.get(key)) is not None:
+                stage.share = min(max(stage.share, share), 1.0)
 
-    @_locked
     def end(self, key: StageId) -> None:
         """A stage is done, or will not be."""
-        stage, wanted = self._running.pop(key, None), self._expected.pop(key, 0.0)
-        if stage is not None and wanted:
-            before, taken = self._took.get(key.kind, (0.0, 0.0))
-            now = taken + self._clock() - stage.begun
-            self._took[key.kind] = (before + wanted, now)
+        with self._lock:
+            stage, wanted = self._running.pop(key, None), self._expected.pop(key, 0.0)
+            if stage is not None and wanted:
+                before, taken = self._took.get(key.kind, (0.0, 0.0))
+                now = taken + self._clock() - stage.begun
+                self._took[key.kind] = (before + wanted, now)
 
-    @_locked
     def of(self, key: StageId) -> float | None:
         """Seconds left of a stage that has begun; None where nothing is known of it."""
-        stage, wanted = self._running[key], self._expected.get(key, 0.0) * self._pace(key)
-        taken = self._clock() - stage.begun
-        if not wanted and stage.share < SURE:
-            return None
-        by_speed = taken / stage.share if stage.share else wanted
-        trust = stage.share if wanted else 1.0
-        return max((1 - trust) * wanted + trust * by_speed - taken, 0.0)
+        with self._lock:
+            stage, wanted = self._running[key], self._expected.get(key, 0.0) * self._pace(key)
+            taken = self._clock() - stage.begun
+            if not wanted and stage.share < SURE:
+                return None
+            by_speed = taken / stage.share if stage.share else wanted
+            trust = stage.share if wanted else 1.0
+            return max((1 - trust) * wanted + trust * by_speed - taken, 0.0)
 
-    @_locked
     def all(self) -> float | None:
         """Seconds left of the run, as they are shown; None where nothing is known of it."""
-        if not self._expected:
-            return None
-        running = [self.of(key) or 0.0 for key in self._running]
-        waiting = [
-            seconds * self._pace(key)
-            for key, seconds in self._expected.items()
-            if key not in self._running
-        ]
-        now = self._clock()
-        left = max(sum([*running, *waiting]) / self._workers, *running, 0.0)
-        passed, self._looked = now - self._looked, now
-        if self._shown is not None and left > self._shown - passed:
-            low = max(self._shown - passed, 0.0)
-            left = low + (left - low) * min(passed / SETTLES, 1.0)
-        self._shown = left
-        return left
+        with self._lock:
+            if not self._expected:
+                return None
+            running = [self.of(key) or 0.0 for key in self._running]
+            waiting = [
+                seconds * self._pace(key)
+                for key, seconds in self._expected.items()
+                if key not in self._running
+            ]
+            now = self._clock()
+            left = max(sum([*running, *waiting]) / self._workers, *running, 0.0)
+            passed, self._looked = now - self._looked, now
+            if self._shown is not None and left > self._shown - passed:
+                low = max(self._shown - passed, 0.0)
+                left = low + (left - low) * min(passed / SETTLES, 1.0)
+            self._shown = left
+            return left
 
     def _pace(self, key: StageId) -> float:
         """How much longer than expected stages of its kind take here."""
