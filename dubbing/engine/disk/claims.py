@@ -109,7 +109,8 @@ def take(path: Path) -> Claim:
             with writing(place), suppress(FileNotFoundError):
                 (ours / token).write_bytes(heartbeat.content(0))
                 if files.WINDOWS:  # which moves a folder onto none, not even an empty one
-                    _remove_empty(place)
+                    with suppress(OSError):
+                        place.rmdir()
                 patiently(lambda: os.rename(ours, place))
             if (place / token).exists():
                 break
@@ -221,11 +222,6 @@ def _read(place: Path) -> tuple[Path, Heartbeat] | None:
     except OSError:
         pass
     return None
-
-
-def _remove_empty(folder: Path) -> None:
-    with suppress(OSError):
-        folder.rmdir()
 
 
 def _remove(file: Path) -> None:

@@ -58,12 +58,10 @@ def content(count: int, message: str = "", share: float = 0.0) -> bytes:
 def _machine() -> str:
     """A name that two processes share only if they see one another's process numbers."""
     parts = [socket.gethostname()]
-    for path, read in (
-        ("sys/kernel/random/boot_id", lambda path: path.read_text().strip()),
-        ("self/ns/pid", os.readlink),
-    ):
-        with suppress(OSError):
-            parts.append(read(PROCESSES / path))
+    with suppress(OSError):
+        parts.append((PROCESSES / "sys/kernel/random/boot_id").read_text().strip())
+    with suppress(OSError):
+        parts.append(os.readlink(PROCESSES / "self/ns/pid"))
     return " ".join(parts)
 
 

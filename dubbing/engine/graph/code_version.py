@@ -72,8 +72,9 @@ def _read(path: Path) -> tuple[str, list[str]]:
         node = waiting.pop()
         if isinstance(node, ast.Import | ast.ImportFrom):
             imported |= dict.fromkeys(_imported(node))
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and _documented(node):
-            node.body = node.body[1:]
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+            documented = ast.get_docstring(node, clean=False) is not None
+            node.body = node.body[1:] if documented else node.body
         for block in BLOCKS:
             if inner := getattr(node, block, None):
                 inner[:] = [one for one in inner if not _for_type_checkers(one)]
@@ -98,10 +99,6 @@ def _imported(node: ast.Import | ast.ImportFrom) -> Iterator[str]:
         base = "." * node.level + (node.module or "")
         yield base
         yield from (f"{base}{'.' * bool(node.module)}{alias.name}" for alias in node.names)
-
-
-def _documented(node: ast.Module | ast.ClassDef | ast.FunctionDef) -> bool:
-    return ast.get_docstring(node, clean=False) is not None
 
 
 @lru_cache(maxsize=4096)

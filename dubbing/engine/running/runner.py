@@ -46,25 +46,22 @@ def run(
     Args:
         executor: where it is done; in this process by default.
     """
-    outcomes = {job.label: Outcome() for job in jobs.all()}
-    for job in jobs.all():
-        if job.blocked:
-            outcomes[job.label] = Outcome("failed", failure=failure_of("input", job.blocked))
-    _Runner(jobs, options, reporter, outcomes, executor or InLine()).loop()
-    return outcomes
+    runner = _Runner(jobs, options, reporter, executor or InLine())
+    runner.loop()
+    return runner.outcomes
 
 
 class _Runner:
     def __init__(
-        self,
-        jobs: Jobs,
-        options: Options,
-        reporter: Reporter,
-        outcomes: dict[str, Outcome],
-        executor: Executor,
+        self, jobs: Jobs, options: Options, reporter: Reporter, executor: Executor
     ) -> None:
-        self.jobs, self.options, self.outcomes = jobs, options, outcomes
+        self.jobs, self.options = jobs, options
         self.reporter, self.executor = reporter, executor
+        self.outcomes = {job.label: Outcome() for job in jobs.all()}
+        for job in jobs.all():
+            if job.blocked:
+                failure = failure_of("input", job.blocked)
+                self.outcomes[job.label] = Outcome("failed", failure=failure)
         # Parts are done side by side; a stage that is done afresh is done in one go.
         self.graph = nodes(jobs, lambda s: not executor.here and s.kind not in options.force)
         self.order = TopologicalSorter({key: node.needs for key, node in self.graph.items()})
