@@ -166,11 +166,9 @@ def _whole_audio(
     at: KeyPath = ("dubs", place)
     audio, within = whole_recording(dub)
     before = len(findings.problems)
-    sound = findings.look(audio, (*at, *within))
+    sound = findings.look_for_sound(audio, (*at, *within))
     if sound is not None:
-        if sound.audio_rate is None:
-            findings.add((*at, *within), f"no sound in {audio}")
-        elif dub.audio_start >= sound.sound_seconds:
+        if dub.audio_start >= sound.sound_seconds:
             message = f"{dub.audio_start:g} s is past the end: the sound is"
             findings.add((*at, "audio_start"), f"{message} {sound.sound_seconds:.1f} s long")
         elif dub.audio_seconds and dub.audio_start + dub.audio_seconds > sound.sound_seconds + 0.5:
@@ -193,10 +191,8 @@ def _music(findings: Findings, at: KeyPath, dub: Dub) -> None:
     if dub.music_effects is None:
         return
     key = (*at, "music_effects")
-    sound = findings.look(dub.music_effects, key)
-    if sound is not None and sound.audio_rate is None:
-        findings.add(key, f"no sound in {dub.music_effects}")
-    elif sound is not None:
+    sound = findings.look_for_sound(dub.music_effects, key)
+    if sound is not None:
         _check_channels(findings, key, dub, sound)
 
 

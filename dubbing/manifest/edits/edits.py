@@ -128,13 +128,9 @@ def _motion(given: edit_entry.Edit | edit_entry.Take, cue: Cue, take: str) -> Ed
 
 def _fits(findings: Findings, key: KeyPath, audio: Path, cue: Cue, longer: str) -> None:
     """Whether a recording can be heard in a line of a scene."""
-    sound = findings.look(audio, key)
-    if sound is None:
-        return
+    sound = findings.look_for_sound(audio, key)
     frame = cue.seconds / (cue.stop - cue.first)
-    if sound.audio_rate is None:
-        findings.add(key, f"no sound in {audio}")
-    elif sound.sound_seconds > cue.seconds + frame:
+    if sound is not None and sound.sound_seconds > cue.seconds + frame:
         what = f"{sound.sound_seconds:.2f} s in line {cue.number} of {cue.seconds:.2f} s"
         if longer == "cut":
             findings.warn(f"{audio.name}: {what}: it is cut off with its line")

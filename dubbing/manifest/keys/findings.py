@@ -72,6 +72,14 @@ class Findings:
             self.blocked.setdefault(int(key[1]), self.damaged[path])
         return self.media.get(path)
 
+    def look_for_sound(self, path: Path, key: KeyPath) -> MediaInfo | None:
+        """The same of a file that must have sound: one without is a problem, and None."""
+        info = self.look(path, key)
+        if info is not None and info.audio_rate is None:
+            self.add(key, f"no sound in {path}")
+            return None
+        return info
+
     def add(self, key: KeyPath, message: str) -> None:
         """Add a problem at a key."""
         self.problems.append((key, message))
