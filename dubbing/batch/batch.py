@@ -11,7 +11,7 @@ from dubbing.batch import jobs, results
 from dubbing.batch.rates import calibrated
 from dubbing.batch.results import Ledger
 from dubbing.engine.disk import claims
-from dubbing.engine.disk.files import atomic_path, make_folder, writing
+from dubbing.engine.disk.files import atomic_path, writing
 from dubbing.engine.graph.graph import Job, Jobs
 from dubbing.engine.planning import estimates, planner
 from dubbing.engine.planning.time_left import TimeLeft
@@ -34,7 +34,6 @@ from dubbing.timelines import laid_over
 from dubbing.video.files import DELIVERED, PROXY_FILE, video_file
 
 DEFAULT = Options()
-RESULTS = "results"  # claimed while they are put into the output folder
 ALL_MADE, SOME_FAILED, SYNC_FELL_SHORT = 0, 1, 3
 
 
@@ -82,8 +81,7 @@ def dub(
     for folder in {stage.folder.parent for job in planned.all() for stage in job.stages.values()}:
         claims.sweep(folder)
     dubs = planned.named(pipeline.DUB)
-    with claims.hold(production.work / RESULTS, wait=True):
-        ledger = results.ledger_of(production)
+    with results.held(production) as ledger:
 
         def put(name: str, job: Job) -> None:
             publish(production.dubs[name], job, ledger)
@@ -124,8 +122,7 @@ def drafts(
     """
     outcomes = runner.run(planned, options, reporter, executor)
     made: list[Path] = []
-    with claims.hold(production.work / RESULTS, wait=True):
-        ledger = results.ledger_of(production)
+    with results.held(production) as ledger:
 
         def put(name: str, job: Job) -> None:
             video = video_file(job.stage(Draft).folder, "h264")
@@ -160,9 +157,8 @@ def begin(
     if any(dub.marked and dub.mark_key is None for dub in production.dubs.values()):
         make_installation_key()
     results.check(production, jobs.chosen_dubs(production, only))
-    make_folder(production.work)
-    with claims.hold(production.work / RESULTS, wait=True):
-        results.ledger_of(production).keep()  # as it is before anything is made
+    with results.held(production) as ledger:
+        ledger.keep()  # as it is before anything is made
     return jobs.build(production, only=only, device=device, adopt=not draft, draft=draft)
 
 

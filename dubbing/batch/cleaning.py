@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from dubbing.batch import jobs, results
-from dubbing.batch.batch import RESULTS
-from dubbing.batch.results import LEDGER, Ledger
+from dubbing.batch.results import LEDGER, RESULTS, Ledger
 from dubbing.engine.disk import claims
 from dubbing.engine.disk.file_digests import digest_of
 from dubbing.engine.disk.files import PARTIAL, digest_data, writing
@@ -71,8 +70,7 @@ def remove(production: Production, found: Iterable[Surplus]) -> None:
     Raises:
         ExplainedError: something cannot be removed.
     """
-    with claims.hold(production.work / RESULTS, wait=True):
-        ledger = results.ledger_of(production)
+    with results.held(production) as ledger:
         for one in found:
             with writing(one.path):
                 if one.path.is_dir():

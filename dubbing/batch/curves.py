@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from dubbing.batch import jobs, results
-from dubbing.engine.disk import claims
-from dubbing.engine.disk.files import atomic_write_text, digest_bytes, make_folder
+from dubbing.engine.disk.files import atomic_write_text, digest_bytes
 from dubbing.engine.graph.graph import Job
 from dubbing.engine.graph.stage import Stage
 from dubbing.engine.running.update import run_stage
@@ -15,7 +14,7 @@ from dubbing.errors import ExplainedError, RenderingError
 from dubbing.face.mouth.lip_curves import text_of
 from dubbing.pipeline import DUB
 from dubbing.production.dub import Dub
-from dubbing.production.production import WORK, Production
+from dubbing.production.production import Production
 from dubbing.script.timeline import Edit
 from dubbing.stages.draft import Draft, HalfSize
 from dubbing.stages.listen import Listen
@@ -82,9 +81,7 @@ def _put(production: Production, dub: Dub, text: str) -> Path:
         raise ExplainedError(
             what, str(target), "copy it to another name, and let the edit name that"
         )
-    make_folder(production.output / WORK)
-    with claims.hold(production.work / "results", wait=True):
-        ledger = results.ledger_of(production)
+    with results.held(production) as ledger:
         results.refuse_others(ledger, target.name)
         ledger.enter({target.name: digest_bytes(text.encode())})
         atomic_write_text(target, text)

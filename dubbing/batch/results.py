@@ -8,13 +8,14 @@ last results of a dub's name are kept beside the present ones, as ``NAME.previou
 import os
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from typing_extensions import TypedDict
 
-from dubbing.engine.disk import json_records
+from dubbing.engine.disk import claims, json_records
 from dubbing.engine.disk.file_digests import digest_of
 from dubbing.engine.disk.files import (
     atomic_path,
@@ -33,6 +34,7 @@ from dubbing.production.dub import Dub
 from dubbing.production.production import REPORTS, Production
 
 LEDGER = "results.json"
+RESULTS = "results"  # claimed while they are put into the output folder
 VIDEO = "video"  # of the kinds of results: where it stays, the results of before are not kept
 
 
@@ -131,6 +133,13 @@ def ledger_of(production: Production) -> Ledger:
     if ledger.entries:
         ledger.entries |= {name: Entry(manifest=known, digest="") for name in REPORTS}
     return ledger
+
+
+@contextmanager
+def held(production: Production) -> Iterator[Ledger]:
+    """The ledger, while no other run changes it or puts results there; see `ledger_of`."""
+    with claims.hold(production.work / RESULTS, wait=True):
+        yield ledger_of(production)
 
 
 def check(production: Production, dubs: Iterable[Dub]) -> None:
