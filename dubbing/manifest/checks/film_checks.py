@@ -35,37 +35,31 @@ def of_picture(findings: Findings, name: str, info: MediaInfo, at: KeyPath) -> N
     picture = info.picture
     assert picture is not None  # a clip has one
     file = info.name
+
+    def warn(what: str) -> None:
+        findings.warn(f"identities.{name}: {what}")
+
     if info.variable_rate:
-        findings.warn(
-            f"identities.{name}: {file} has a variable frame rate;"
-            f" it is read at {float(info.rate):g} a second"
-        )
+        warn(f"{file} has a variable frame rate; it is read at {float(info.rate):g} a second")
     info.values.check()
     if info.colour.space:  # nothing in the manifest says so
         shown = info.values.working or "sRGB"
-        what = f"{file} is {info.values.film}; heads are rendered in {shown}, with 8 bits"
-        findings.warn(f"identities.{name}: {what}")
+        warn(f"{file} is {info.values.film}; heads are rendered in {shown}, with 8 bits")
     if picture.dynamic:
         what = f"{', '.join(picture.dynamic)} of {file}"
-        findings.warn(f"identities.{name}: {what} is not in the results; make it anew of them")
+        warn(f"{what} is not in the results; make it anew of them")
     if not numbered(info.path) and _seen(is_flagged, info):
         message = f"{plain(info.path)} is interlaced: its frames are two moments each"
         findings.add(at, f"{message}; deinterlace it first")
     elif _seen(looks_interlaced, info):
-        findings.warn(
-            f"identities.{name}: {file} looks interlaced, though nothing in it says so:"
-            " deinterlace it first if moving edges are combs"
-        )
+        what = f"{file} looks interlaced, though nothing in it says so"
+        warn(f"{what}: deinterlace it first if moving edges are combs")
     if not picture.square:
-        findings.warn(
-            f"identities.{name}: the pixels of {file} are not square; those of the"
-            f" results are: {info.width}x{info.height}"
-        )
+        what = f"the pixels of {file} are not square; those of the results are"
+        warn(f"{what}: {info.width}x{info.height}")
     if picture.pixels.bits > 8 and not info.values.film:
-        findings.warn(
-            f"identities.{name}: {file} has {picture.pixels.bits} bits a colour; heads"
-            " are rendered with 8, and the codec h264 writes 8"
-        )
+        what = f"{file} has {picture.pixels.bits} bits a colour"
+        warn(f"{what}; heads are rendered with 8, and the codec h264 writes 8")
 
 
 def _seen(what: Callable[[Path], bool], info: MediaInfo) -> bool:

@@ -116,10 +116,7 @@ class SceneCues:
         path = Path(CUE.sub(lambda m: str(line.number).zfill(int(m[1] or 1)), str(named)))
         if path != named and self.numbered.setdefault(line.number, line) is not line:
             self.twice.append(str(line.number))
-        sound = self.findings.look(path, key)
-        if sound is None or sound.audio_rate is None:
-            if sound is not None:
-                self.findings.add(key, f"no sound in {path}")
+        if (sound := self.findings.look_for_sound(path, key)) is None:
             return None
         if path == named:  # a track that runs beside the film
             start = float(first / self.rate)
@@ -138,20 +135,19 @@ class SceneCues:
     def warn(self, count: int) -> None:
         """Say how many lines nobody dubs, and which were given to the speaker before them."""
         name = self.dub.lines and self.dub.lines.name
+        said = []
         if self.undubbed:
-            what = f"nobody dubs {len(self.undubbed)} of {count} lines of {name}"
-            self.findings.warn(f"{self.dub.name}: {what}")
+            said.append(f"nobody dubs {len(self.undubbed)} of {count} lines of {name}")
         if self.too_long:
-            what = f"lines {some(self.too_long)} are cut off with their cues"
-            self.findings.warn(f"{self.dub.name}: {what}")
+            said.append(f"lines {some(self.too_long)} are cut off with their cues")
         if self.cut_short:
             what = f"lines {some(self.cut_short)} last longer than the track of their sound"
-            self.findings.warn(f"{self.dub.name}: {what}: mouths stay shut after its end")
+            said.append(f"{what}: mouths stay shut after its end")
         if self.carried:
             what = f"lines {some(self.carried)} of {name} name nobody"
-            self.findings.warn(
-                f"{self.dub.name}: {what}; they are taken for the speaker's before them"
-            )
+            said.append(f"{what}; they are taken for the speaker's before them")
+        for warning in said:
+            self.findings.warn(f"{self.dub.name}: {warning}")
 
     def check(self, lines: list[Line]) -> None:
         """Check all lines together: nobody's cues overlap, and everybody speaks."""
