@@ -99,35 +99,32 @@ class Reader:
                 self._add(("defaults", key), "unknown key" + suggestion(key, known))
 
     def _output(self) -> Path | None:
-        value = self.data.get("output")
-        if not isinstance(value, str) or not value.strip():
-            self._add(("output",), "is required: the folder for the results")
-            return None
-        try:
-            output = place_of(value, self.path.parent)
-        except ValueError as error:
-            self._add(("output",), str(error))
-            return None
-        for folder in (output, output / WORK):
+        output = self._path("output", "is required: the folder for the results")
+        for folder in (output, output / WORK) if output is not None else ():
             if problem := overwriting.unwritable(folder):
                 self._add(("output",), problem)
                 break
         return output
 
     def _timeline(self) -> Path | None:
-        value = self.data.get("timeline")
-        if value is None:
+        if self.data.get("timeline") is None:
             return None
-        try:
-            if not isinstance(value, str) or not value.strip():
-                raise ValueError("must be the path of a file")
-            path = place_of(value, self.path.parent)
-            if not path.is_file():
-                raise ValueError(f"no such file: {path}")
-        except ValueError as error:
-            self._add(("timeline",), str(error))
+        path = self._path("timeline", "must be the path of a file")
+        if path is not None and not path.is_file():
+            self._add(("timeline",), f"no such file: {path}")
             return None
         return path
+
+    def _path(self, key: str, problem: str) -> Path | None:
+        """The path at a key of no entry; None, and a problem, where that holds none."""
+        value = self.data.get(key)
+        try:
+            if not isinstance(value, str) or not value.strip():
+                raise ValueError(problem)
+            return place_of(value, self.path.parent)
+        except ValueError as error:
+            self._add((key,), str(error))
+            return None
 
     def _identities(self) -> dict[str, Identity]:
         section = self._section("identities", dict, {})
