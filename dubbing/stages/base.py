@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
-from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
@@ -33,7 +33,14 @@ class DubbingStage(Stage):
 
     @classmethod
     def versions(cls) -> dict[str, str]:
-        return _versions()
+        """Versions of packages, without importing them, and of ffmpeg."""
+        from dubbing.media.opening import ffmpeg
+
+        found = {}
+        for package in RECORDED:
+            with suppress(metadata.PackageNotFoundError):
+                found[package] = metadata.version(package)
+        return {**found, "ffmpeg": ffmpeg.version()}
 
 
 @dataclass(frozen=True)
@@ -48,17 +55,3 @@ class Prepared:
         from dubbing.preparation.prepared import PreparedClip
 
         return PreparedClip.load(self.stage.folder, self.clip)
-
-
-@lru_cache(maxsize=1)
-def _versions() -> dict[str, str]:
-    """Versions of packages, without importing them, and of ffmpeg."""
-    from dubbing.media.opening import ffmpeg
-
-    found = {}
-    for package in RECORDED:
-        try:
-            found[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            continue
-    return {**found, "ffmpeg": ffmpeg.version()}

@@ -140,10 +140,8 @@ class Composite(OnFilm):
         poses = self.poses(clips)
         heads = []
         for cue in self.sound.cues:
-            rendered, edit = (
-                self.heads[cue.name],
-                Edit(film_mouth=self.film_mouth.get(cue.name, ())),
-            )
+            rendered = self.heads[cue.name]
+            edit = Edit(film_mouth=self.film_mouth.get(cue.name, ()))
             own = heads_of(cue, edit, partial(read_heads, rendered.folder), clips, kept)
             heads.append(replace(own, made_of=partial(digests_of_heads, rendered)))
         settings = replace(self.settings, mark=self.mark)
