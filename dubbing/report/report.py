@@ -26,7 +26,6 @@ from dubbing.manifest.edits.notes import told
 from dubbing.packages import missing_of
 from dubbing.pipeline import DUB, PERSON
 from dubbing.preparation.file_names import CONTACT_SHEET, SUMMARY
-from dubbing.preparation.tracking.reach import Reach
 from dubbing.production.production import REPORTS, Production
 from dubbing.provenance import credentials
 from dubbing.report import lines
@@ -226,7 +225,7 @@ def _dub(production: Production, job: Job, outcome: Outcome) -> dict[str, Any]:
         "undubbed": lines.undubbed_of(dub),
         "lines": [
             row
-            | _reach(of)
+            | {"reach": of.in_words() if of else "", "short": bool(of and of.short)}
             | {"edit": cue.edit.in_words(), "cue": cue.name, "told": told(cue)}
             | {"takes": takes_of(job, cue, cue.edit)}
             for row, of, cue in zip(rows, reach, dub.cues, strict=True)
@@ -244,11 +243,6 @@ def _dub(production: Production, job: Job, outcome: Outcome) -> dict[str, Any]:
         "mark": mark.id if mark else None,
         "sync": _brief(sync),
     }
-
-
-def _reach(of: Reach | None) -> dict[str, Any]:
-    """How much of a line is dubbed, in words, and whether that is little."""
-    return {"reach": of.in_words() if of else "", "short": bool(of and of.short)}
 
 
 def _film_credentials(job: Job, film: Path) -> str:

@@ -40,7 +40,7 @@ def read(text: str) -> Any:
 
     root, sequence, resources = _parse(text)
     rate = _rate(resources[sequence.get("format", "")])
-    timeline = otio.schema.Timeline(_project(root).get("name", ""))
+    timeline = otio.schema.Timeline(next(root.iter("project")).get("name", ""))
     zero = _seconds(sequence.get("tcStart"))
     spine = sequence.find("spine")
     placed = [] if spine is None else list(_spine(spine, 0, -zero, resources))
@@ -112,12 +112,6 @@ def _parse(text: str) -> tuple[Element, Element, dict[str, Element]]:
     if len(sequences) != 1 or shelf is None:
         raise ValueError(f"it holds {len(sequences)} projects; write one, with its resources")
     return root, sequences[0], {one.get("id", ""): one for one in shelf}
-
-
-def _project(root: Element) -> Element:
-    found = root.find(".//project")
-    assert found is not None
-    return found
 
 
 def _spine(
