@@ -6,6 +6,7 @@ C channels of the bed; 48 kHz. Audio is written block by block, whatever its len
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from fractions import Fraction
+from itertools import chain, repeat
 from pathlib import Path
 from typing import Any
 
@@ -160,17 +161,11 @@ def _whole_blocks(
     blocks: Iterable[np.ndarray], length: int, channels: int
 ) -> Iterator[tuple[int, np.ndarray]]:
     """Blocks with their first samples, cut or padded with silence to a length."""
-    done = 0
-    for first, block in _numbered(blocks):
-        part = block[: length - first]
-        done = first + len(part)
-        yield first, part
-        if done >= length:
+    silence = repeat(np.zeros((BLOCK, channels), np.float32))
+    for first, block in _numbered(chain(blocks, silence)):
+        yield first, block[: length - first]
+        if first + len(block) >= length:
             return
-    while done < length:
-        count = min(BLOCK, length - done)
-        yield done, np.zeros((count, channels), np.float32)
-        done += count
 
 
 def _numbered(blocks: Iterable[np.ndarray]) -> Iterator[tuple[int, np.ndarray]]:
