@@ -58,14 +58,12 @@ def summary(result: Result) -> None:
         line(out, text, COLOURS.get(str(sync.get("verdict"))))
     for draft in result.drafts:
         line(out, f"draft: {draft}")
-    for timeline in result.timelines:
-        lacking = isinstance(timeline, Exception)
-        text = f"no timeline: {timeline}" if lacking else f"timeline: {timeline}"
-        line(out, text, "red" if lacking else None)
-    failed = isinstance(result.report, Exception)
-    if result.report is not None:
-        text = f"no report: {result.report}" if failed else f"report: {result.report}"
-        line(out, text, "red" if failed else None)
+    written = [*(("timeline", one) for one in result.timelines), ("report", result.report)]
+    for what, one in written:
+        if isinstance(one, Exception):
+            line(out, f"no {what}: {one}", "red")
+        elif one is not None:
+            line(out, f"{what}: {one}")
 
 
 def result_line(result: Result) -> None:
