@@ -23,16 +23,14 @@ def file_option(name: str, text: str, metavar: str = "FILE") -> Any:
 ManifestPath = Annotated[Path, typer.Argument(metavar="MANIFEST", help="A manifest (YAML).")]
 Only = Annotated[
     list[str] | None,
-    typer.Option(
-        "--only", metavar="NAME", help="This dub or identity only, or all like 'a_*'; repeatable."
-    ),
+    typer.Option(metavar="NAME", help="This dub or identity only, or all like 'a_*'; repeatable."),
 ]
 Force = Annotated[
     list[str] | None,
-    typer.Option("--force", metavar="STAGE", help=f"Do again: {', '.join(KINDS)}."),
+    typer.Option(metavar="STAGE", help=f"Do again: {', '.join(KINDS)}."),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
-Device = Annotated[str, typer.Option("--device", help="auto, cpu or cuda.")]
+Device = Annotated[str, typer.Option(help="auto, cpu or cuda.")]
 
 
 def checked_device(name: str, *, here: bool = True) -> str:

@@ -22,9 +22,9 @@ def prepare(
     clip: Annotated[Path, file_argument("CLIP", "A video of one person.")],
     out: Annotated[
         str | None,
-        typer.Option("--out", metavar="PATH", help="Folder; CLIP.prepared if not given."),
+        typer.Option(metavar="PATH", help="Folder; CLIP.prepared if not given."),
     ] = None,
-    size: Annotated[int, typer.Option("--size", help="Side of the head crop, pixels.")] = 512,
+    size: Annotated[int, typer.Option(help="Side of the head crop, pixels.")] = 512,
 ) -> None:
     """Track, matte and restore the background of one clip; see contact_sheet.png."""
     packages.require()
@@ -57,7 +57,7 @@ def sync(
     ] = None,
     colour: Annotated[
         str,
-        typer.Option("--colour", help="Camera log that both are in, as LogC4.", metavar="NAME"),
+        typer.Option(help="Camera log that both are in, as LogC4.", metavar="NAME"),
     ] = "",
     as_json: AsJson = False,
 ) -> None:

@@ -48,24 +48,19 @@ def dub(
     ] = None,
     consent: Annotated[
         str,
-        typer.Option(
-            "--consent", metavar='"WHO, WHERE"', help="With CLIP: who agreed, where it is written."
-        ),
+        typer.Option(metavar='"WHO, WHERE"', help="With CLIP: who agreed, where it is written."),
     ] = "",
     preview: Annotated[
         float | None,
-        typer.Option(
-            "--preview", metavar="SECONDS", help="With CLIP: only the first, as OUT.preview."
-        ),
+        typer.Option(metavar="SECONDS", help="With CLIP: only the first, as OUT.preview."),
     ] = None,
     only: Only = None,
     force: Force = None,
     device: Device = "auto",
-    jobs: Annotated[int, typer.Option("--jobs", min=1, help="Processes at a time.")] = 1,
+    jobs: Annotated[int, typer.Option(min=1, help="Processes at a time.")] = 1,
     scheduler: Annotated[
         str | None,
         typer.Option(
-            "--scheduler",
             metavar="ADDRESS|FILE",
             help="Address or scheduler file of Dask, whose workers do the work.",
         ),
@@ -196,7 +191,7 @@ def init(
     ] = None,
     handles: Annotated[
         int | None,
-        typer.Option("--handles", min=0, help="With a timeline: frames beside those of a cut, 8."),
+        typer.Option(min=0, help="With a timeline: frames beside those of a cut, 8."),
     ] = None,
 ) -> None:
     """Write FOLDER/manifest.yaml from the clips, recordings and scripts found there.

@@ -29,14 +29,10 @@ LOCAL = "127.0.0.1"
 
 def studio(
     manifest: ManifestPath,
-    port: Annotated[
-        int, typer.Option("--port", min=0, max=65535, help="Port; 0: any that is free.")
-    ] = 0,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port; 0: any that is free.")] = 0,
     host: Annotated[
         str,
-        typer.Option(
-            "--host", help="Address to listen at; any but this machine's own needs a password."
-        ),
+        typer.Option(help="Address to listen at; any but this machine's own needs a password."),
     ] = LOCAL,
     password_file: Annotated[
         Path | None,

@@ -25,7 +25,6 @@ def evaluate(
     method: Annotated[
         list[str] | None,
         typer.Option(
-            "--method",
             metavar="NAME",
             help="dfrf, dfrf-alone (no base), dfrf-nocrops (no crops of mouths), dfrf-paper (nor "
             "lips: speech learned from pictures alone; name its --base), paper, ad-nerf, "
@@ -34,9 +33,7 @@ def evaluate(
     ] = None,
     references: Annotated[
         int | None,
-        typer.Option(
-            "--references", min=1, max=64, help="So many in every frame, always the same."
-        ),
+        typer.Option(min=1, max=64, help="So many in every frame, always the same."),
     ] = None,
     no_warp: Annotated[
         bool, typer.Option("--no-warp", help="Look references up where they project.")
@@ -51,7 +48,6 @@ def evaluate(
     protocol: Annotated[
         str,
         typer.Option(
-            "--protocol",
             help="p15 (own pictures), p15x (the speech over pictures from elsewhere, as in a dub) "
             "or both.",
         ),

@@ -18,7 +18,7 @@ from dubbing.cli.arguments import (
 
 def train_sync(
     clips: Annotated[list[Path], file_argument("CLIP...", "Videos of one person each.")],
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The weights to write.")],
+    out: Annotated[Path, typer.Option(metavar="FILE", help="The weights to write.")],
 ) -> None:
     """Train the network of the sync check on clips of people who talk."""
     packages.require()
@@ -35,12 +35,10 @@ def train_speech(
     ] = None,
     corpus: Annotated[
         Path | None,
-        typer.Option(
-            "--corpus", metavar="FOLDER", help="Folder of what is taught; OUT.corpus by default."
-        ),
+        typer.Option(metavar="FOLDER", help="Folder of what is taught; OUT.corpus by default."),
     ] = None,
-    steps: Annotated[int | None, typer.Option("--steps", min=1, help="Training steps.")] = None,
-    seed: Annotated[int, typer.Option("--seed", min=0, max=2**31 - 1, help="Random seed.")] = 0,
+    steps: Annotated[int | None, typer.Option(min=1, help="Training steps.")] = None,
+    seed: Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Random seed.")] = 0,
 ) -> None:
     """Train the network of the speech features from nothing; resumes by itself."""
     packages.require("train")
@@ -58,24 +56,21 @@ def train_speech(
 
 def train_base(
     manifest: ManifestPath,
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The checkpoint to write.")],
+    out: Annotated[Path, typer.Option(metavar="FILE", help="The checkpoint to write.")],
     iterations: Annotated[
-        int | None, typer.Option("--iterations", min=1, max=10**9, help="Training steps in all.")
+        int | None, typer.Option(min=1, max=10**9, help="Training steps in all.")
     ] = None,
     init: Annotated[Path | None, file_option("--init", "A checkpoint to start from.")] = None,
     method: Annotated[
         str | None,
         typer.Option(
-            "--method",
             metavar="NAME",
             help="Of the base, as of dfrf evaluate, in place of the manifest's preset: dfrf-paper.",
         ),
     ] = None,
     hold_out: Annotated[
         list[str] | None,
-        typer.Option(
-            "--hold-out", metavar="NAME", help="Measured on instead of learned from; repeatable."
-        ),
+        typer.Option(metavar="NAME", help="Measured on instead of learned from; repeatable."),
     ] = None,
     device: Device = "auto",
 ) -> None:
