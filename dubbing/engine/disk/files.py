@@ -1,10 +1,8 @@
 """Writing files whole or not at all (write, fsync, rename), reading them, and their digests."""
 
 import errno
-import functools
 import hashlib
 import json
-import operator
 import os
 import re
 import stat
@@ -157,7 +155,8 @@ def read_bounded(path: Path, most: int) -> bytes:
         ExplainedError: it is a device, a pipe or a folder, or larger.
     """
     # A pipe that nobody writes to would be waited for.
-    handle = os.open(path, os.O_RDONLY | flags("O_NONBLOCK", "O_CLOEXEC", "O_BINARY"))
+    own = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)  # each system has one of them
+    handle = os.open(path, os.O_RDONLY | own)
     if not stat.S_ISREG(mode := os.fstat(handle).st_mode):
         os.close(handle)
         what = "it is a folder" if stat.S_ISDIR(mode) else "it is no regular file"
@@ -180,11 +179,6 @@ def read_text(path: Path, most: int) -> str:
         return read_bounded(path, most).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise ExplainedError("it is not UTF-8", str(path), "save it as UTF-8") from error
-
-
-def flags(*names: str) -> int:
-    """Flags of `os.open`, those of them that this system has."""
-    return functools.reduce(operator.or_, (getattr(os, name, 0) for name in names), 0)
 
 
 def same_on_disk(name: str) -> str:
