@@ -59,9 +59,8 @@ def read(text: str) -> Any:
                 continue
             item.metadata[PLACE] = places[id(one.element)]
             if one.at > end:
-                track.append(
-                    otio.schema.Gap(source_range=_otio_range(Fraction(0), one.at - end, rate))
-                )
+                gap = _otio_range(Fraction(0), one.at - end, rate)
+                track.append(otio.schema.Gap(source_range=gap))
             for at, length in joins if lane == 0 and len(track) else ():
                 if at < one.at < at + length:
                     sides = (_otio_time(t, rate) for t in (one.at - at, at + length - one.at))

@@ -105,9 +105,8 @@ def shot_of(film: MediaInfo, event: Event) -> Shot:
             raise ValueError(f"it begins or ends between frames: it has {rates}")
         else:
             return Shot(film, first, stop, (begin, end), unit)
-    raise ValueError(
-        f"{outside[0]}: it has {film.frames}, from {film.timecode or 'no timecode'} on"
-    )
+    there = f"it has {film.frames}, from {film.timecode or 'no timecode'} on"
+    raise ValueError(f"{outside[0]}: {there}")
 
 
 def stem_of(film: Path) -> str:
@@ -119,11 +118,8 @@ def files_under(folder: Path, without: Collection[Path]) -> list[Path]:
     """The files of a folder and of those in it; numbered images as one film each."""
     found: dict[Path, None] = {}
     for path in sorted(folder.rglob("*")):
-        if (
-            any(map(path.is_relative_to, without))
-            or path.name.startswith(".")
-            or not path.is_file()
-        ):
+        hidden = path.name.startswith(".") or any(map(path.is_relative_to, without))
+        if hidden or not path.is_file():
             continue
         match = NUMBERED.fullmatch(path.name)
         name = f"{match[1]}{'#' * len(match[2])}{match[3]}" if match else path.name
