@@ -38,8 +38,8 @@ class Names:
         """The names that may be meant, by the nearest spelling, with or without an addition."""
         if written in self._exact:
             return {written}
-        keys = [_key(label) for label in (written, _bare(written))]
-        keys = [keys[0], _plain(keys[0]), keys[1], _plain(keys[1])]
+        labels = _key(written), _key(_bare(written))
+        keys = [key for label in labels for key in (label, _plain(label))]
         return next((self._alike[key] for key in keys if key in self._alike), set())
 
     def known(self, written: str) -> str:

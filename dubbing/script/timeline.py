@@ -20,11 +20,8 @@ from dubbing.errors import RenderingError
 
 HELD, AROUND = 0.04, 0.12  # s beside a key: its strength holds, and has gone
 AS_SPOKEN = "as spoken"
-STYLES = {
-    AS_SPOKEN: 0.0,
-    "softer": -1.0,
-    "clearer": 1.0,
-}  # see `sound_to_lips.speech_frames.styled`
+# See `sound_to_lips.speech_frames.styled`.
+STYLES = {AS_SPOKEN: 0.0, "softer": -1.0, "clearer": 1.0}
 TAKES, LONGEST_PLAIN = "takes", 20  # folder of takes; characters of the name of one that are read
 FADE = 3  # frames at a cue's edges over which the rendered head fades in and out
 
@@ -118,20 +115,19 @@ class Edit:
         """``the mouth 80 ms later, strength 0.5: mumbled``; empty without an edit."""
         found = [f"take {self.take}"] if self.take else []
         found += [f"recording {self.audio.name}"] if self.audio else []
-        if self.shift:
-            side = "later" if self.shift > 0 else "earlier"
-            found.append(f"the mouth {abs(self.shift):g} ms {side}")
-        for start, end, shift in self.moved:
-            side = "later" if shift > 0 else "earlier"
-            found.append(f"{start:g} to {end:g} s {abs(shift):g} ms {side}")
-        if self.strength != 1:
-            found.append(f"strength {self.strength:g}")
+        found += [f"the mouth {_late(self.shift)}"] if self.shift else []
+        found += [f"{start:g} to {end:g} s {_late(shift)}" for start, end, shift in self.moved]
+        found += [f"strength {self.strength:g}"] if self.strength != 1 else []
         found += [self.style] if self.style != AS_SPOKEN else []
         found += [f"{strength:g} at {at:g} s" for at, strength in self.keys]
         found += [f"lips of {self.curves[0].name}"] if self.curves else []
         spans = [f"{start:g} to {end:g} s" for start, end in self.film_mouth]
         found += [f"the film's own mouth from {', '.join(spans)}"] if spans else []
         return ": ".join(part for part in (", ".join(found), self.note) if part)
+
+
+def _late(ms: float) -> str:
+    return f"{abs(ms):g} ms {'later' if ms > 0 else 'earlier'}"
 
 
 @dataclass(frozen=True)
