@@ -78,9 +78,8 @@ def _put(production: Production, dub: Dub, text: str) -> Path:
     target = production.output / f"{dub.name}.curves.csv"
     if any(c.edit.curves and c.edit.curves[0].resolve() == target.resolve() for c in dub.cues):
         what = "an edit reads this file, so it is not written"
-        raise ExplainedError(
-            what, str(target), "copy it to another name, and let the edit name that"
-        )
+        remedy = "copy it to another name, and let the edit name that"
+        raise ExplainedError(what, str(target), remedy)
     with results.held(production) as ledger:
         results.refuse_others(ledger, target.name)
         ledger.enter({target.name: digest_bytes(text.encode())})

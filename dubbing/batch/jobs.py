@@ -38,11 +38,10 @@ def build(
     people = [p for p in production.people.values() if p.name in named or p.name in needed]
     made = people_jobs(people, dubs, production.work, device)
     if draft:
-        drafts = [draft_job(dub, made, production.work, device) for dub in dubs]
-        return Jobs.of([*made.values(), *drafts])
-    return Jobs.of(
-        [*made.values(), *(_found(production, dub, made, device, adopt) for dub in dubs)]
-    )
+        of_dubs = [draft_job(dub, made, production.work, device) for dub in dubs]
+    else:
+        of_dubs = [_found(production, dub, made, device, adopt) for dub in dubs]
+    return Jobs.of([*made.values(), *of_dubs])
 
 
 def chosen_dubs(production: Production, only: tuple[str, ...]) -> list[Dub]:
