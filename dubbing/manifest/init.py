@@ -222,6 +222,5 @@ def sorted_out(folder: Path) -> Found:
             if other == path.name:
                 found.clips[path.stem] = info
             else:
-                why = f"{quoted(path.name)} has the name of {quoted(other)}"
-                found.left_out.append(why)
+                found.left_out.append(f"{quoted(path.name)} has the name of {quoted(other)}")
     return found

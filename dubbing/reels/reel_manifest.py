@@ -59,13 +59,12 @@ def write_manifest(folder: Path, say: Callable[[str], None], ask: Ask | None = N
         ExplainedError: the script cannot be read, or nothing can be written there.
     """
     found = sorted_out(folder)
-    if (
-        len(found.scripts) != 1
-        or len(found.clips) < 2
-        or clip_of(found.scripts[0].stem, found.clips)
-    ):
+    if len(found.scripts) != 1 or len(found.clips) < 2:
         return None
-    target, script = free_target(folder), found.scripts[0]
+    (script,) = found.scripts
+    if clip_of(script.stem, found.clips):
+        return None
+    target = free_target(folder)
     from dubbing.reels.faces import faces_of, write_sheet
 
     shots = {name: _shot(script, info) for name, info in found.clips.items()}
@@ -197,7 +196,6 @@ def _sound(clip: str, shot: Shot, found: Found) -> str:
                 f"{before}{line.number:0{width}}{suffix}" for line in shot.lines if line.speaker
             }
             if wanted <= files:
-                return (
-                    f"{before}{{cue:0{width}}}{suffix}" if width > 1 else f"{before}{{cue}}{suffix}"
-                )
+                cue = f"{{cue:0{width}}}" if width > 1 else "{cue}"
+                return f"{before}{cue}{suffix}"
     return next((p.name for p in found.recordings if clip_of(p.stem, found.clips) == clip), "")

@@ -40,11 +40,8 @@ def first_line(found: dict[str, Any]) -> str:
     counts = found["counts"]
     total = sum(counts.values())
     words = [f"{counts[v]} {WORDS[v]}" for v in (PASSED, WARNED, *VERDICTS) if counts[v]]
-    return (
-        f"{total} dub{'' if total == 1 else 's'}"
-        + ": " * bool(words)
-        + ", ".join(dict.fromkeys(words))
-    )
+    dubs = f"{total} dub{'' if total == 1 else 's'}"
+    return f"{dubs}: {', '.join(dict.fromkeys(words))}" if words else dubs
 
 
 def portable(value: Any, key: str = "") -> Any:

@@ -138,10 +138,8 @@ def blocks(numbers: list[int]) -> Iterator[tuple[int, int]]:
     """Runs first .. stop of numbers, short ones first: what is rendered at once comes at once."""
     size, place = FIRST_BLOCK, 0
     while place < len(numbers):
-        stop = place + 1
-        while (
-            stop - place < size and stop < len(numbers) and numbers[stop] == numbers[stop - 1] + 1
-        ):
+        stop, most = place + 1, min(place + size, len(numbers))
+        while stop < most and numbers[stop] == numbers[stop - 1] + 1:
             stop += 1
         yield numbers[place], numbers[stop - 1] + 1
         place, size = stop, min(2 * size, LONGEST_BLOCK)
