@@ -24,7 +24,7 @@ def prepare(
         str | None,
         typer.Option(metavar="PATH", help="Folder; CLIP.prepared if not given."),
     ] = None,
-    size: Annotated[int, typer.Option(help="Side of the head crop, pixels.")] = 512,
+    size: Annotated[int, typer.Option(help="Most pixels of the head crop's side.")] = 1024,
 ) -> None:
     """Track, matte and restore the background of one clip; see contact_sheet.png."""
     packages.require()

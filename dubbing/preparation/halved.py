@@ -14,6 +14,8 @@ from dubbing.preparation.film_frame import FilmFrame
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.preparation.tracking import cropping
 
+MOST_PX = 256  # side of a draft's crop
+
 
 @dataclass(frozen=True, kw_only=True)
 class HalvedClip(PreparedClip):
@@ -30,8 +32,11 @@ class HalvedClip(PreparedClip):
 
     @classmethod
     def of(cls, clip: PreparedClip) -> Self:
-        """A clip at half its size; windows into its film have whole pixels there, too."""
-        size, window = clip.size // 2, np.floor(clip.crop / 2)
+        """A clip at half its size; windows into its film have whole pixels there, too.
+
+        Its crop has `MOST_PX` at most: a larger one takes longer than a second for a second.
+        """
+        size, window = min(clip.size // 2, MOST_PX), np.floor(clip.crop / 2)
         zoom = size / window[:, 2:]
         scale = clip.crop[:, 2:] / clip.size * zoom / 2
         shift = (clip.crop[:, :2] / 2 - window[:, :2]) * zoom + scale / 2 - 0.5

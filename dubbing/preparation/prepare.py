@@ -56,7 +56,7 @@ def prepare(
     clip: Path,
     out: Path,
     *,
-    size: int = 512,
+    size: int = 1024,
     people: Sequence[Portrait] = (),
     part: tuple[int, int] | None = None,
     progress: Progress | None = None,
@@ -129,7 +129,7 @@ def _track(
     """
     surveyed = steps.run("faces", partial(detection.survey_step, info, first, people))
     # A small source keeps its own pixels: enlarging them costs time and adds nothing.
-    size = min(most_px, int(surveyed["window"][:, 2].max()) // 8 * 8)
+    size = min(most_px, int(surveyed["window"][:, 2].max()))
     masks = [steps.folder / name for name in (CROPS, PERSON, OPACITY)]
     landmark_step = partial(detection.landmark_step, info, first, size, surveyed, steps.folder)
     detected = steps.run("landmarks", landmark_step, *masks)

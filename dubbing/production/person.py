@@ -12,6 +12,7 @@ from dubbing.identity.finetune_settings import FinetuneSettings
 from dubbing.production.clip import Clip, PersonClip
 
 FULL_SIZE = 512  # px of a head crop whose work counts as one
+HEAD_SHARE = 0.6  # of a film's height that a head crop often has; a square film shows a head alone
 MOST_OF_NAME = 200  # bytes of a clip's name in that of its part
 
 
@@ -46,7 +47,7 @@ class Person:
         learned: the clips that the model is learned from, the main one first.
         start: second of the main clip where the learned seconds begin; None for the best seconds.
         seconds: learned from, all clips together.
-        size: side of the head crop, px.
+        size: most px of the head crop's side.
         settings: of the fine-tune.
         speech_files: all weights that turn speech into features and lips, by name.
         base: checkpoint that the fine-tune starts from; None for random weights.
@@ -108,7 +109,9 @@ class Person:
         return min(frames, self.seconds * float(self.clip.rate)) if self.clip.info else 0.0
 
     def crops(self, clip: Clip) -> float:
-        """Area of the head crop in a clip, in crops of `FULL_SIZE`."""
+        """Area of the head crop in a clip, in crops of `FULL_SIZE`, as far as it is known."""
         if clip.info is None:
             return 0.0
-        return (min(self.size, clip.info.width, clip.info.height) / FULL_SIZE) ** 2
+        width, height = clip.info.width, clip.info.height
+        share = 1 if width == height else HEAD_SHARE
+        return (min(self.size, share * min(width, height)) / FULL_SIZE) ** 2

@@ -24,7 +24,7 @@ class Prepare(DubbingStage):
     """Makes a prepared clip; see `dubbing.preparation.prepare`.
 
     Attributes:
-        size: side of the head crop, px.
+        size: most px of the head crop's side.
         people: the person, then the others in the clip.
         part: the only frames, first .. stop, that are prepared, where they show the face; None for
             all.

@@ -4,6 +4,7 @@ S is the side of the crop in px. A window (x0, y0, side) has whole numbers of so
 crop is a slice and a resize, and moving it moves the principal point by an exact amount.
 """
 
+import math
 from itertools import pairwise
 
 import cv2
@@ -14,6 +15,7 @@ from dubbing.preparation.background.pixels import extent
 FACE_SHARE = 0.5  # of the window's height, for the face from the forehead to the chin
 FACE_HEIGHT_AT = 0.55  # of the window's height, for the middle of the face: hair needs room above
 WHOLE_SHARE = 0.8  # a square source is used whole where the window would be this share of it
+STEP = 8  # px: sides of crops are multiples of it
 STILL_SHARE = 0.25  # of the side: for a head that moves less the window is fixed
 SMOOTH_SECONDS = 1.0
 
@@ -23,16 +25,18 @@ def choose_windows(
 ) -> np.ndarray:
     """Windows (T, 3) x0, y0, side, for face boxes (T, 4) in a source of ``size`` (W, H).
 
-    The side, and with it the focal length, is the same for the whole clip. Within a shot the window
-    is fixed, or moves smoothly where the head travels.
+    The side, and with it the focal length, is the same for the whole clip. It is a multiple of
+    `STEP`, as a crop's is, which can so have the film's own pixels. Within a shot the window is
+    fixed, or moves smoothly where the head travels.
     """
     from scipy.ndimage import gaussian_filter1d  # it takes longer to load than a plan to make
 
     width, height = size
-    shorter = min(width, height)
-    side = min(shorter, 2 * round(float(np.median(box[:, 3] - box[:, 1])) / FACE_SHARE / 2))
-    if width == height and side >= WHOLE_SHARE * shorter:
-        return np.tile([0.0, 0.0, float(shorter)], (len(box), 1))
+    most = min(width, height) // STEP * STEP
+    face = float(np.median(box[:, 3] - box[:, 1]))
+    side = min(most, STEP * math.ceil(face / FACE_SHARE / STEP))
+    if width == height and side >= WHOLE_SHARE * most:
+        return np.tile([(width - most) // 2, (height - most) // 2, float(most)], (len(box), 1))
     x0 = (box[:, 0] + box[:, 2]) / 2 - side / 2
     y0 = (box[:, 1] + box[:, 3]) / 2 - FACE_HEIGHT_AT * side
     corner = np.stack((x0, y0), axis=1)

@@ -18,13 +18,23 @@ def test_a_square_clip_filled_by_the_head_is_left_alone() -> None:
     assert np.array_equal(crop(image, window[0], 512), image)
 
 
+@pytest.mark.parametrize(("width", "height"), [(700, 700), (1280, 721), (270, 480)])
+def test_a_crop_can_have_the_pixels_of_any_film(width: int, height: int) -> None:
+    head = np.array([0.3 * width, 0.2 * height, 0.7 * width, 0.65 * height])
+    (window,) = choose_windows(head[None], np.zeros(1, int), (width, height), 25.0)
+    x0, y0, side = window.astype(int)
+    image = picture(height, width)
+    assert side % 8 == 0
+    assert np.array_equal(crop(image, window, side), image[y0 : y0 + side, x0 : x0 + side])
+
+
 def test_a_head_in_a_tall_frame_gets_a_window_at_rest_inside_the_frame() -> None:
     sway = 40 * np.sin(np.arange(50) / 5)
     box = np.tile([400.0, 310, 670, 620], (50, 1)) + sway[:, None] * [1, 0, 1, 0]
     window = choose_windows(box, np.zeros(50, int), (1080, 1920), 25.0)
     assert (window == window[0]).all()
     x0, y0, side = window[0]
-    assert side == 620
+    assert side == 624
     assert x0 >= 0
     assert y0 >= 0
     assert x0 + side <= 1080
