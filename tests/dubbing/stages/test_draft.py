@@ -52,6 +52,19 @@ def half(tmp_path_factory: pytest.TempPathFactory) -> HalfSize:
     return found
 
 
+def test_a_draft_of_a_close_up_has_small_heads_in_their_places(tmp_path: Path) -> None:
+    film = clips.write_clip(tmp_path / "film.mp4", 1)
+    full = fakes.write_prepared(film, tmp_path / "prepared", size=640)
+    clip = HalvedClip.of(full)
+    (frame,) = clip.film_frames()
+    assert frame.image.shape == frame.background.shape == (256, 256, 3)
+    in_film, in_half = (
+        (one.landmarks[0] + 0.5) * (one.crop[0, 2] / one.size) + one.crop[0, :2]
+        for one in (full, clip)
+    )
+    assert np.abs(in_half - in_film / 2).max() < 1e-3
+
+
 def drawn(half: HalfSize, **edit: Any) -> np.ndarray:
     return np.stack(list(half.heads(CUE, Edit(**edit)).read(0, COUNT))).astype(int)
 
