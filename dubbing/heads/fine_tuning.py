@@ -87,7 +87,7 @@ def finetune(
         settings, trainings.from_scratch if base is None else trainings.finetune, steps
     )
     method = method_of(model)
-    landmarks = np.concatenate([one.landmarks(person.focal) for one in footage])
+    landmarks = np.concatenate([one.landmarks(clips[0]) for one in footage])
     references = reference_frames(person, landmarks, method)
     try:
         person, curve = learn(

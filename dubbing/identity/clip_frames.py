@@ -37,10 +37,23 @@ class ClipFrames:
         """The chosen frames that show the face."""
         return self.frames[self.clip.detected[self.frames]]
 
-    def landmarks(self, focal: float) -> np.ndarray:
-        """Landmarks (F', 478, 2) of these in a camera of `focal` px at the same place."""
-        centre = self.clip.centre[self.with_face][:, None]
-        return centre + (self.clip.landmarks[self.with_face] - centre) * (focal / self.clip.focal)
+    def taken_by(self, camera: PreparedClip) -> np.ndarray:
+        """The similarity (2, 3) from px of the crop to those that the camera of a clip takes.
+
+        Crops of both have one middle.
+        """
+        ratio = camera.focal / self.clip.focal
+        shift = (camera.size - 1) / 2 - ratio * (self.clip.size - 1) / 2
+        return np.array([[ratio, 0, shift], [0, ratio, shift]])
+
+    def landmarks(self, camera: PreparedClip) -> np.ndarray:
+        """Landmarks (F', 478, 2) of these, px as the camera of a clip takes them."""
+        return placed(self.clip.landmarks[self.with_face], self.taken_by(camera))
+
+
+def placed(points: np.ndarray, similarity: np.ndarray) -> np.ndarray:
+    """Points (..., 2) after a similarity (2, 3)."""
+    return np.asarray(points @ similarity[:, :2].T + similarity[:, 2])
 
 
 def with_turned(footage: Sequence[ClipFrames]) -> list[ClipFrames]:

@@ -18,7 +18,7 @@ from dubbing.face.eyes import eye_axes, upwards
 from dubbing.face.mesh_points import EYE_CORNERS, RIGID
 from dubbing.face.mouth.lip_measures import lip_measures, lips_touch
 from dubbing.face.mouth.mouth_shape import INNER_LIP, OUTER_LIP
-from dubbing.identity.clip_frames import ClipFrames
+from dubbing.identity.clip_frames import ClipFrames, placed
 from dubbing.identity.image_store import ImageStore
 from dubbing.preparation.prepared import PreparedClip
 
@@ -113,8 +113,8 @@ def load_identity(
 ) -> HeadDataset:
     """Frames of a person's clips, without those that show no face.
 
-    Camera and face shape are those of the first clip. Images of the others are enlarged round their
-    principal points as if they were taken with that camera.
+    Camera and face shape are those of the first clip, and so is the size of images: those of other
+    clips are scaled as if they were taken with that camera.
 
     Args:
         name: of the person, for messages.
@@ -149,12 +149,12 @@ def load_identity(
             continue
         index, frontal = speaking[which], clip.frontal_landmarks()
         gaps = np.cumsum(np.diff(one.frames, prepend=one.frames[:1]) > 1)
-        _add_images(store, one, gaps, which, first.focal)
+        _add_images(store, one, gaps, which, first)
         runs = gaps[clip.detected[one.frames]] * (clip.segment.max() + 1)
         segment = clip.segment[speaking] + runs
         for field, values in {
             "c2w": clip.c2w()[index],
-            "centres": clip.centre[index],
+            "centres": placed(clip.centre[index], one.taken_by(first)),
             "expression": upper_face_expression(clip)[index],
             "number": which + at,
             "windows": speech.windows[speaking],
@@ -181,34 +181,38 @@ def load_identity(
 
 
 def _add_images(
-    store: ImageStore, selected: ClipFrames, gaps: np.ndarray, which: np.ndarray, focal: float
+    store: ImageStore,
+    selected: ClipFrames,
+    gaps: np.ndarray,
+    which: np.ndarray,
+    camera: PreparedClip,
 ) -> None:
-    """Adds the images of a clip's frames to a store, as a camera of `focal` px takes them.
+    """Adds the images of a clip's frames to a store, as the camera of a clip takes them.
 
     Args:
         gaps: number of the run without a gap that each frame is in, (F,).
         which: of the frames that show the face.
     """
     clip, keep = selected.clip, set(selected.with_face[which].tolist())
-    landmarks = selected.landmarks(focal)[which]
-    boxes = zip(mouth_boxes(landmarks, clip.size), eye_boxes(landmarks, clip.size), strict=True)
+    landmarks, size, how = selected.landmarks(camera)[which], camera.size, selected.taken_by(camera)
+    boxes = zip(mouth_boxes(landmarks, size), eye_boxes(landmarks, size), strict=True)
     for gap in np.unique(gaps):
         first, count = int(selected.frames[gaps == gap][0]), int((gaps == gap).sum())
         for k, images in enumerate(clip.frames(first, count), first):
             if k in keep:
-                image, matte, background = (
-                    enlarged(one, clip.centre[k], focal / clip.focal) for one in images
-                )
+                image, matte, background = (scaled(one, how, size) for one in images)
                 regions = region_map(matte, *next(boxes))
                 store.add(images=image, backgrounds=background, mattes=matte, regions=regions)
 
 
-def enlarged(image: np.ndarray, centre: np.ndarray, ratio: float) -> np.ndarray:
-    """An image (S, S) or (S, S, 3) scaled by `ratio` round a point, its edge replicated."""
-    if ratio == 1:
+def scaled(image: np.ndarray, how: np.ndarray, size: int) -> np.ndarray:
+    """An image (S, S[, 3]) after a similarity (2, 3), `size` px wide, its edge replicated."""
+    ratio = how[0, 0]
+    if ratio == 1 and size == len(image):
         return image
-    matrix = np.concatenate([np.eye(2) * ratio, (centre * (1 - ratio))[:, None]], 1)
-    return cv2.warpAffine(image, matrix, image.shape[:2], borderMode=cv2.BORDER_REPLICATE)
+    if ratio < 1:  # else pixels would be left out
+        image = cv2.GaussianBlur(image, (0, 0), 0.5 / ratio)
+    return cv2.warpAffine(image, how, (size, size), borderMode=cv2.BORDER_REPLICATE)
 
 
 def mean_face(clip: PreparedClip, points: Sequence[int]) -> Tensor:

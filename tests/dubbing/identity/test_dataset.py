@@ -36,7 +36,7 @@ from dubbing.identity.image_store import ImageStore
 from dubbing.media import VideoWriter
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
-from tests.fakes import write_prepared
+from tests.fakes import SIZE, write_prepared
 
 FRAMES, UNIT = 12, 100.0
 
@@ -224,6 +224,25 @@ def test_several_clips_are_one_person_seen_by_one_camera(
     # A larger picture of the same: the matte covers 1.5 x 1.5 as much.
     share = person.mattes[5:].float().sum() / alone.mattes.float().sum()
     assert 1.9 < share < 2.5
+
+
+@pytest.mark.parametrize("side", [SIZE // 2, SIZE * 2])
+def test_clips_of_other_sizes_are_learned_together(
+    clip: PreparedClip, tmp_path: Path, side: int
+) -> None:
+    clip.save()
+    (tmp_path / "other").mkdir()
+    other = write_prepared(clip.clip, tmp_path / "other", size=side)
+    windows = np.zeros((FRAMES, 16, 2), np.float32)
+    speech = SpeechFrames(windows, np.zeros((FRAMES, NUMBERS), np.float32))
+    films = [ClipFrames(one, speech, np.arange(2)) for one in (clip, other)]
+    person = load_identity("someone", films, folder=tmp_path / "pictures")
+    assert person.images.shape == (4, SIZE, SIZE, 3)
+    np.testing.assert_allclose((person.centres[2] + 0.5) / SIZE, (other.centre[0] + 0.5) / side)
+    share = person.mattes.flatten(1).float().mean(1)
+    assert share[2:] == pytest.approx(share[:2], rel=0.1)
+    landmarks = films[1].landmarks(clip)
+    np.testing.assert_allclose((landmarks + 0.5) / SIZE, (other.landmarks[:2] + 0.5) / side)
 
 
 def test_a_folder_that_cannot_be_written_is_said(clip: PreparedClip, tmp_path: Path) -> None:
