@@ -60,7 +60,7 @@ def _person(name: str, findings: Findings) -> Person:
         consent=_consent(identity.consent),
         start=identity.learned_start,
         seconds=identity.learned_seconds,
-        size=identity.most_px,
+        size=identity.size,
         settings=FinetuneSettings(
             preset=identity.preset,
             seed=identity.seed,

@@ -13,7 +13,6 @@ from dfrf.config import FORMATS, PUBLISHED_SPEECH, STEPS, family
 from dubbing.engine.disk import json_records
 from dubbing.errors import ExplainedError
 from dubbing.manifest.keys.entries import Identity
-from dubbing.manifest.keys.values import PUBLISHED_SIZE
 from dubbing.script.timeline import frame_count
 from dubbing.shipped.base import shipped_base
 from dubbing.speech import features
@@ -21,6 +20,7 @@ from dubbing.stages.finetune import PAPER_FEATURES_SECONDS, PAPER_RAYS_SECONDS
 from dubbing.stages.render import PAPER_FRAME_SECONDS
 
 PRESET = "paper"
+SIZE = 512  # px, of the published clips
 HOUR, DAY = 3600.0, 86400.0
 
 
@@ -71,7 +71,7 @@ def identity_notes(identity: Identity) -> list[str]:
     if identity.preset != PRESET:
         return []
     steps = identity.finetune.iterations or STEPS[PRESET]
-    each = PAPER_RAYS_SECONDS + PAPER_FEATURES_SECONDS * (identity.most_px / PUBLISHED_SIZE) ** 2
+    each = PAPER_RAYS_SECONDS + PAPER_FEATURES_SECONDS * (crop_side(identity) / SIZE) ** 2
     notes = [f"preset {PRESET} learns {steps} steps in {lasts(steps * each)}"]
     if identity.base is None:
         notes.append(
@@ -92,8 +92,13 @@ def dub_note(name: str, identity: Identity, rate: Fraction, seconds: float) -> s
     if identity.preset != PRESET:
         return None
     frames = frame_count(seconds, rate)
-    each = PAPER_FRAME_SECONDS * (identity.most_px / PUBLISHED_SIZE) ** 2
+    each = PAPER_FRAME_SECONDS * (crop_side(identity) / SIZE) ** 2
     return f"{name}: preset {PRESET} renders {frames} frames in {lasts(frames * each)}"
+
+
+def crop_side(identity: Identity) -> int:
+    """Px of the head crop's side that times are told for, as far as the manifest says it."""
+    return identity.size if "size" in identity.model_fields_set else SIZE
 
 
 def lasts(seconds: float) -> str:

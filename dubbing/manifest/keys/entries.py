@@ -14,7 +14,6 @@ from dubbing.manifest.keys.values import (
     BEST,
     LEARNED_SECONDS,
     LONGEST_SECONDS,
-    PUBLISHED_SIZE,
     SIZES,
     FilePath,
     Language,
@@ -153,20 +152,14 @@ class Identity(Entry):
     speech_weights: FilePath | None = None
     """Weights of the speech features, where they are yours: a folder, or a file."""
     size: int = Field(default=SIZES[-1], ge=SIZES.start, le=SIZES[-1], multiple_of=SIZES.step)
-    """Most pixels of the head crop's side, which never has more than the film; 512 with other
-    presets than `fast` if left out. A smaller crop is faster, and softer in a close-up.
+    """Most pixels of the head crop's side, which never has more than the film. A smaller crop is
+    faster, and softer in a close-up.
     """
     base: FilePath | None = None
     """Base checkpoint to start from; the one that comes with the preset if left out."""
     finetune: Finetune = Finetune()
     """Settings of the fine-tune."""
     _beside: tuple[Path, ...] = PrivateAttr(())
-
-    @property
-    def most_px(self) -> int:
-        """Most pixels of the head crop's side."""
-        own = "size" in self.model_fields_set or self.preset == "fast"
-        return self.size if own else PUBLISHED_SIZE
 
     @property
     def sequences(self) -> tuple[Path, ...]:

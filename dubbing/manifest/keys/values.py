@@ -25,7 +25,6 @@ CLOCK = re.compile(r"(?:([0-9]{1,6}):(?=[0-5][0-9]:))?([0-9]{1,6}):([0-5][0-9](?
 RESERVED = re.compile(r"(con|prn|aux|nul|(com|lpt)[0-9¹²³]) *(\..*)?", re.IGNORECASE)
 FORBIDDEN = frozenset('<>"|?*')
 SIZES = range(64, 1025, 8)  # sides of the head crop, pixels
-PUBLISHED_SIZE = 512  # of the paper
 
 
 def resolve(value: Any, info: ValidationInfo) -> Any:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import unicodedata
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -31,11 +30,3 @@ def test_no_two_clips_share_a_folder(names: list[str]) -> None:
     # One more at the end changes no name: what was made stays where it is.
     more = identity.model_copy(update={"clips": (*films, Path("/v/a.mp4"))})
     assert [clip_name(more, film) for film in films] == found
-
-
-@pytest.mark.parametrize(
-    ("keys", "most"),
-    [({}, 1024), ({"preset": "paper"}, 512), ({"preset": "paper", "size": 1024}, 1024)],
-)
-def test_a_head_crop_has_the_films_pixels(keys: dict[str, Any], most: int) -> None:
-    assert Identity.model_construct(**keys).most_px == most

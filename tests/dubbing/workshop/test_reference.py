@@ -34,7 +34,7 @@ def test_every_command_and_every_entry_has_a_table() -> None:
 
 def test_a_key_is_described_by_its_values_and_its_default() -> None:
     keys = reference.manifest_tables()
-    assert "| `size` | integer, 64 to 1024 in steps of 8 | `512` |" in keys
+    assert "| `size` | integer, 64 to 1024 in steps of 8 | `1024` |" in keys
     assert "| `consent` | path or [consent](#consent) | **required** |" in keys
     assert "| `label` | `true`, `false` or [label](#label) | `true` |" in keys
     assert "| `start` | seconds or time as `1:05.5` | `0` |" in keys
