@@ -25,9 +25,8 @@ from dubbing.provenance.mark import Mark
 from dubbing.provenance.mark_key import Marking, bits_of
 from dubbing.script import timeline
 from dubbing.video import motion
-from dubbing.video.face import Face
 from dubbing.video.film import in_order, read_film, read_frames
-from dubbing.video.heads import Heads
+from dubbing.video.heads import Face, Heads
 from dubbing.video.own_pixels import ASKED, OVERLAID, OwnPixels, own_pixels, reach
 from dubbing.video.settings import VideoSettings
 from dubbing.video.spans import spans

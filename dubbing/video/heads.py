@@ -1,4 +1,7 @@
-"""Rendered heads of a cue, and the files that hold them. S side of the crop in px."""
+"""Rendered heads of a cue, the files that hold them, and the faces that they replace.
+
+S side of the crop in px.
+"""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -8,6 +11,7 @@ import numpy as np
 
 from dubbing import media
 from dubbing.errors import RenderingError
+from dubbing.preparation.film_frame import FilmFrame
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.video.own_pixels import ASKED
 
@@ -42,6 +46,21 @@ class Heads:
         """
         kept = self.kept[poses]
         return np.where(self.asked[: len(poses)], ASKED, kept) if len(self.asked) else kept
+
+
+@dataclass(frozen=True)
+class Face:
+    """A face in a frame of the film, the rendered head, and how much of it is shown.
+
+    Attributes:
+        beside: the heads of the frames before and after, where they are needed.
+    """
+
+    clip: PreparedClip
+    film: FilmFrame
+    head: np.ndarray
+    share: float
+    beside: tuple[np.ndarray | None, np.ndarray | None] = (None, None)
 
 
 def files_of_heads(folder: Path, first: int, count: int) -> Iterator[tuple[int, Path]]:

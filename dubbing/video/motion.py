@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from dubbing.preparation.background.pixels import Part, extent
-from dubbing.video.face import Face
+from dubbing.video.heads import Face
 
 Beside = tuple[np.ndarray | None, np.ndarray | None]
 BACKWARD, FORWARD = -1, 1

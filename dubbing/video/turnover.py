@@ -28,7 +28,7 @@ from dubbing.media.sequences import image_files, sequence
 from dubbing.preparation.background.pixels import extent
 from dubbing.preparation.tracking import cropping
 from dubbing.provenance import provenance
-from dubbing.video.face import Face
+from dubbing.video.heads import Face
 from dubbing.video.motion import motion
 from dubbing.video.nuke import script
 

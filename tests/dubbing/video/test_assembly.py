@@ -19,10 +19,9 @@ from dubbing.provenance.card import CreditsCard, default_text
 from dubbing.provenance.mark_key import marking
 from dubbing.video import composer
 from dubbing.video.assembly import make
-from dubbing.video.face import Face
 from dubbing.video.film import read_frames
 from dubbing.video.found_mark import found_before
-from dubbing.video.heads import Heads, read_heads
+from dubbing.video.heads import Face, Heads, read_heads
 from dubbing.video.settings import VideoSettings
 from tests import clips, fakes
 from tests.dubbing.video.scene import Scene, kept_of, quiet, recording

@@ -13,7 +13,7 @@ import pytest
 from dubbing.preparation.film_frame import FilmFrame
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.video import motion
-from dubbing.video.face import Face
+from dubbing.video.heads import Face
 from tests import clips, fakes
 
 SIDE, SIZE = 256, 128  # px of the film and of the crop
