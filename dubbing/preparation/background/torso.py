@@ -193,7 +193,8 @@ def torso(images: np.ndarray, person: np.ndarray, inpaint_masks: np.ndarray) -> 
     middle = len(images) // 2
     reference = cv2.cvtColor(images[middle], cv2.COLOR_RGB2GRAY)
     head = inpaint_masks[middle]
-    near = dilate(head, CLOTHES_PX * unit) & ~dilate(head, PATCH / 4 * unit)
+    beside = cv2.distanceTransform((~head).astype(np.uint8), cv2.DIST_L2, 5)  # px from the head
+    near = (beside > PATCH / 4 * unit) & (beside <= CLOTHES_PX * unit)
     cloth = near & (person[middle] > PERSON * 255)
     corners = cv2.goodFeaturesToTrack(
         reference, MOST_CORNERS, CORNER_QUALITY, CORNER_GAP * unit, mask=cloth.astype(np.uint8)

@@ -6,8 +6,8 @@ noise alone, whether the camera stands or moves. They are those that differ leas
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 BLOCK = 8
 PAIRS = 30  # of frames that are measured in a shot, spread over it
@@ -16,6 +16,7 @@ QUANTILE, ITS_VALUE = 15.0, 0.86  # percent of the blocks, and the variance ther
 LIKE_SKIN = 0.4  # share of the face's brightness that a block may be off: noise depends on it
 FACE = (0.35, 0.65)  # of the window's sides: surely face
 LEAST_BLOCKS = 20
+ROWS = 48  # of blocks that are enough
 NUMBERS = 5
 CHANNELS = ((0, 1), (0, 2), (1, 2))  # pairs of them
 
@@ -64,16 +65,18 @@ def measured(before: np.ndarray, after: np.ndarray) -> np.ndarray | None:
     side = len(before) // BLOCK * BLOCK
     low, high = (int(share * side) for share in FACE)
     brightness = float(after[low:high, low:high].mean())
-    mean = blocks(after[:side, :side].mean(-1, keepdims=True)).mean((1, 2))[:, 0]
-    difference = after[:side, :side].astype(np.float32) - before[:side, :side]
-    apart = blocks(difference)
-    apart = apart[np.abs(mean - brightness) < LIKE_SKIN * brightness]
-    if len(apart) < LEAST_BLOCKS:
+    before, after = (some_rows(image[:side, :side]) for image in (before, after))
+    like_skin = np.abs(block_means(after).mean(-1) - brightness) < LIKE_SKIN * brightness
+    if like_skin.sum() < LEAST_BLOCKS:
         return None
-    apart -= apart.mean((1, 2), keepdims=True)
-    variance = apart.mean(-1).var((1, 2))
-    least, most, typical = np.percentile(variance, [LOW, HIGH, QUANTILE])
-    chosen = apart[(variance >= least) & (variance <= most)]
+    apart = cv2.subtract(after, before, dtype=cv2.CV_32F)
+    grey = cv2.transform(apart, np.full((1, 3), 1 / 3, np.float32))
+    variance = block_means(grey * grey) - block_means(grey) ** 2
+    least, most, typical = np.percentile(variance[like_skin], [LOW, HIGH, QUANTILE])
+    even = like_skin & (variance >= least) & (variance <= most)
+    down, right = even.shape
+    chosen = apart.reshape(down, BLOCK, right, BLOCK, 3).swapaxes(1, 2)[even]
+    chosen = chosen - chosen.mean((1, 2), keepdims=True)
     luma = float(chosen.mean(-1).var())
     if luma <= 0:
         return np.zeros(NUMBERS)
@@ -90,7 +93,13 @@ def correlation(one: np.ndarray, other: np.ndarray) -> float:
     return float(np.mean((one - one.mean()) * (other - other.mean()))) / spread if spread else 0.0
 
 
-def blocks(image: np.ndarray) -> np.ndarray:
-    """Blocks (B, BLOCK, BLOCK, C) of an image (S, S, C) whose side is a multiple of theirs."""
-    found = sliding_window_view(image, (BLOCK, BLOCK), (0, 1))[::BLOCK, ::BLOCK]
-    return np.array(np.moveaxis(found, 2, -1).reshape(-1, BLOCK, BLOCK, image.shape[2]))
+def some_rows(image: np.ndarray) -> np.ndarray:
+    """Rows of blocks of an image (S, S, 3) that are enough to measure: (H, S, 3)."""
+    rows = image.reshape(-1, BLOCK, *image.shape[1:])
+    return rows[:: max(1, len(rows) // ROWS)].reshape(-1, *image.shape[1:])
+
+
+def block_means(image: np.ndarray) -> np.ndarray:
+    """Means (H / BLOCK, W / BLOCK[, C]) float32 of the blocks of an image (H, W[, C])."""
+    size = image.shape[1] // BLOCK, image.shape[0] // BLOCK
+    return cv2.resize(image.astype(np.float32), size, interpolation=cv2.INTER_AREA)
