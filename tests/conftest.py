@@ -1,14 +1,21 @@
-"""Before any test imports dfrf: the shapes in its signatures are checked at every call."""
+"""Before any test imports dfrf: the shapes in its signatures are checked."""
 
 import os
 import tempfile
 
+import pytest
 from jaxtyping import install_import_hook
 
-import tests.shapes  # noqa: F401 - the hook below finds it by its name
+from tests.shapes import BUDGET
 
 install_import_hook(["dfrf"], "tests.shapes.checked")
 
 # The key of the invisible mark that tests make, and caches: not in the folders of who runs them.
 SETTINGS = tempfile.TemporaryDirectory()
 os.environ["XDG_CONFIG_HOME"] = os.environ["XDG_CACHE_HOME"] = SETTINGS.name
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup() -> None:
+    """Before the fixtures of a test."""
+    BUDGET.begin()

@@ -4,13 +4,37 @@ from __future__ import annotations
 
 import functools
 import inspect
+import itertools
 import types
 import typing
 from collections.abc import Callable
 from typing import Any
 
-from jaxtyping import AbstractArray
+from jaxtyping import AbstractArray, config
 from torch import Tensor
+
+# Checks of a test: they take half of its time, and what it calls later it mostly called before.
+MOST = 20_000
+
+
+class Budget:
+    """Counts the checks of a test, and ends them."""
+
+    def __init__(self) -> None:
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin a test."""
+        self._count = itertools.count()
+        config.update("jaxtyping_disable", False)
+
+    def spend(self) -> None:
+        """Count a check."""
+        if next(self._count) == MOST:
+            config.update("jaxtyping_disable", True)
+
+
+BUDGET = Budget()
 
 
 def is_array(hint: Any) -> bool:
@@ -43,13 +67,14 @@ def hints_of(function: Callable[..., Any]) -> dict[str, Any]:
 
 
 def checked(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The function, with its array arguments and results checked at every call."""
+    """The function, with its array arguments and results checked, as often as a test may."""
     signature = inspect.signature(function)
     # At the first call, when all that the hints name is defined.
     hints = functools.cache(lambda: hints_of(function))
 
     @functools.wraps(function)
     def wrapper(*args: Any, **kwargs: Any) -> Any:
+        BUDGET.spend()
         bound = signature.bind(*args, **kwargs)
         for name, value in bound.arguments.items():
             if not fits(value, hints().get(name)):

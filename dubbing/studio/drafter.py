@@ -14,6 +14,7 @@ from typing import Any
 from dubbing.errors import ExplainedError
 from dubbing.studio.drafting import Answer, Job, serve
 
+CONTEXT: Any = multiprocessing.get_context("spawn")  # which starts processes
 GONE = Answer(0, ended=True, error="the process that draws ended; it starts again when asked")
 
 
@@ -68,9 +69,8 @@ class Drafter:
     def _send(self, job: Job, deliver: Callable[[Answer], object]) -> None:
         with self._lock:
             if self._process is None or not self._process.is_alive():
-                context = multiprocessing.get_context("spawn")
-                self._pipe, other = context.Pipe()
-                self._process = context.Process(
+                self._pipe, other = CONTEXT.Pipe()
+                self._process = CONTEXT.Process(
                     target=self.target, args=(other, *self.call), daemon=True
                 )
                 self._process.start()

@@ -48,7 +48,9 @@ class Head:
         """Pictures (S, S, 3) of the tested frames, before the film's background."""
         first, stop = TESTED.start, TESTED.stop
         poses = np.arange(len(self.clip))
-        heads = rendering.frames(self.model, self.maps, self.clip, speech, poses, first, stop)
+        heads = rendering.frames(
+            self.model, self.maps, self.clip, speech, poses, first, stop, baked=True
+        )
         films = self.clip.frames(first, stop - first)
         return [over(*head, film[2]) for head, film in zip(heads, films, strict=True)]
 
