@@ -157,20 +157,31 @@ def without_dents(piece: np.ndarray, compared: Compared) -> np.ndarray:
     return piece | ((hull > 0) & (compared.apart > APART))
 
 
-def beside_told(over: np.ndarray, told: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
+def beside_told(
+    over: np.ndarray, told: np.ndarray, landmarks: np.ndarray, bare: np.ndarray
+) -> np.ndarray:
     """What lies over the face, (H, W) bool, without pieces that the preparation has found, too.
 
-    A cut in the frame of the face is coarse: beside a graphic it takes lips along.
+    A cut in the frame of the face is coarse: beside a graphic it takes lips along. The rest of a
+    piece that was found in part stays, as the band of a cup.
 
     Args:
         told: (S, S) uint8, the preparation's mask. landmarks: (478, 2) px of it.
+        bare: (H, W) bool, see `bare_face`.
     """
     fine = cv2.warpAffine(told, to_face(landmarks), (W, H), flags=cv2.INTER_LINEAR) > 127
     fine = dilate(fine, RAGGED)
     _, pieces = cv2.connectedComponents(over.astype(np.uint8))
     size = np.bincount(pieces.ravel())
     inside = np.bincount(pieces[fine], minlength=len(size))
-    return np.asarray(over & (inside < TOLD * size)[pieces])
+    found = over & (inside >= TOLD * size)[pieces]
+    rest = dilate(found & ~fine & ~bare, RAGGED)
+    return np.asarray((over & ~found) | (found & rest & ~bare))
+
+
+def bare_face(compared: Compared) -> np.ndarray:
+    """Pixels (H, W) bool that the head explains, and the lips: there words decide."""
+    return compared.lips | (compared.known & (compared.apart < APART))
 
 
 def steady(seeds: list[np.ndarray]) -> list[np.ndarray]:

@@ -30,6 +30,7 @@ from dubbing.heads.comparison import (
     usual_difference,
 )
 from dubbing.heads.cover_cut import (
+    bare_face,
     beside_told,
     followed,
     is_large,
@@ -58,10 +59,12 @@ BRIEF = 0.3  # s: nothing that hides a face, and has its colours, is there for l
 
 @dataclass(frozen=True)
 class Cover:
-    """Lies over a face in a frame: pixels (H, W) bool; hands, points (21, 3) px of the crop."""
+    """Lies over a face in a frame: pixels (H, W) bool; hands, points (21, 3) px of the crop; bare
+    (H, W) bool, see `bare_face`."""
 
     pixels: np.ndarray
     hands: list[np.ndarray]
+    bare: np.ndarray
 
     def mask(self, image: np.ndarray, told: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
         """Mask (S, S) uint8 for a crop (S, S, 3) in which the face has landmarks (478, 2).
@@ -69,7 +72,8 @@ class Cover:
         Args:
             told: (S, S) uint8, the preparation's mask, which is in it.
         """
-        rest = mask_of(beside_told(self.pixels, told, landmarks), image, landmarks)
+        own = beside_told(self.pixels, told, landmarks, self.bare)
+        rest = mask_of(own, image, landmarks)
         rest = np.maximum(rest, told)
         return np.maximum(rest, hand_mask(image, self.hands)) if self.hands else rest
 
@@ -198,7 +202,7 @@ def told_apart(
             pixels |= without_dents(piece, seen)
         elif (piece & near).any():
             pixels |= piece
-    return Cover(pixels, hands) if hands or pixels.any() else None
+    return Cover(pixels, hands, bare_face(seen)) if hands or pixels.any() else None
 
 
 def lasting(hidden: set[int], least: float) -> set[int]:

@@ -272,14 +272,20 @@ def test_a_graphic_that_is_known_has_the_edges_that_are_known() -> None:
     places = np.array([[10.0, 56], [78, 68]]) @ turn[:, :2].T + turn[:, 2]
     (left, top), (right, bottom) = places.round().astype(int)
     told[top:bottom, left:right] = 255
-    coarse, thing = np.zeros((2, H, W), bool)
-    coarse[54:70, 12:76] = thing[26:34, 20:30] = True
-    assert not beside_told(coarse, told, landmarks).any()
-    np.testing.assert_array_equal(beside_told(coarse | thing, told, landmarks), thing)
-    # Of a thing that is known in part the cut tells the rest.
+    coarse, thing, bare = np.zeros((3, H, W), bool)
+    coarse[52:70, 12:76] = thing[26:34, 20:30] = bare[40:54] = True
+    assert not beside_told(coarse, told, landmarks, bare).any()
+    np.testing.assert_array_equal(beside_told(coarse | thing, told, landmarks, bare), thing)
+    # Of a thing that is known in part the cut tells the rest,
     thing[26:56, 20:30] = True
     both = coarse | thing
-    assert beside_told(both, told, landmarks)[thing].all()
+    assert beside_told(both, told, landmarks, bare)[thing].all()
+    # even where that is the smaller part, as the band of a cup; but not lips beside it.
+    told[top + 15 : top + 30] = 0
+    np.testing.assert_array_equal(
+        beside_told(coarse, told, landmarks, bare)[61:66, 20:70], np.ones((5, 50))
+    )
+    assert not beside_told(coarse, told, landmarks, bare)[52:54].any()
 
 
 def test_a_shade_hides_no_face() -> None:
