@@ -9,6 +9,10 @@ too black. Where film and head show the same face with the same lips, the film's
 by least squares in which outliers hardly count (Geman and McClure 1987). The gain is the light,
 which varies slowly over the face. A grade is contrast, grey and black, (3,); `NEUTRAL` changes
 nothing.
+
+Where film and head do not show quite the same, as in light from another side, least squares find
+less contrast in the film than there is, and as much less in the head if that is fitted to the film.
+So the contrast of luma is the geometric mean of both (reduced major axis regression).
 """
 
 from collections.abc import Sequence
@@ -24,6 +28,7 @@ ROUNDS = 3  # of least squares, each with the light and the weights of the one b
 STEADY = 3.0  # grey levels: keeps a grade neutral where colours are alike
 APART = 3.0  # deviations at which a place counts a quarter: a hand, a caption may lie there
 LEAST = 300  # px of a face
+LEAST_SLOPE = 0.1  # of luma that is fitted
 WHITE = 255.0
 MOST = 95  # percent of the colours that are changed by less than the grade's change
 # Grey levels of change up to which a grade is not applied, and from which it is in full. The clip
@@ -43,10 +48,28 @@ def measured(picture: np.ndarray, head: np.ndarray, known: np.ndarray) -> np.nda
     """
     if known.sum() < LEAST:
         return np.full(4, np.nan)
-    film, own = picture[known].astype(np.float64), head[known].astype(np.float64)
+    (colour, luma), (_, back) = fitted(picture, head, known), fitted(head, picture, known)
+    luma = np.sqrt(max(luma, LEAST_SLOPE) / max(back, LEAST_SLOPE))
+    own = head[known].astype(np.float64)
+    terms, share = _terms(own)
+    of = np.array([colour, luma - colour, 0])
+    of[2] = (1 - colour - share[0] * of[1]) / share[1]
+    change = np.percentile(np.abs(np.tensordot(of, terms, 1) - own).max(1), MOST)
+    return np.append(of * (1, 1, WHITE), change)
+
+
+def _terms(own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What is multiplied by contrast, grey and black, (3, n, 3), of colours (n, 3); and the share
+    of the latter two in the mean colour, (2,)."""
     terms = np.stack([own, np.repeat((own @ LUMA)[:, None], 3, 1), np.full_like(own, WHITE)])
+    return terms, terms[1:].mean((1, 2)) / max(float(own.mean()), 1.0)
+
+
+def fitted(picture: np.ndarray, head: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """The contrasts of colour and luma that explain a picture best, (2,); see `measured`."""
+    film, own = picture[known].astype(np.float64), head[known].astype(np.float64)
     # Contrast follows from the rest, as the mean stays: how bright a film is says the light.
-    share = terms[1:].mean((1, 2)) / max(float(own.mean()), 1.0)
+    terms, share = _terms(own)
     weight, rest = np.ones(len(own)), np.zeros(2)
 
     def around(colours: np.ndarray) -> np.ndarray:
@@ -69,9 +92,8 @@ def measured(picture: np.ndarray, head: np.ndarray, known: np.ndarray) -> np.nda
             rest = -np.linalg.solve(square, np.einsum("n,inc,nc->i", weight, free, left[0]))
         off = np.abs(left[0] + np.tensordot(rest, free, 1)).max(1)
         weight = 1 / (1 + (off / (APART * (1.4826 * float(np.median(off)) + 1))) ** 2) ** 2
-    of = np.array([1 - share @ rest, *rest])
-    change = np.percentile(np.abs(np.tensordot(of, terms, 1) - own).max(1), MOST)
-    return np.append(of * (1, 1, WHITE), change)
+    colour = 1 - share @ rest
+    return np.array([colour, colour + rest[0]])
 
 
 def noticed(grade: np.ndarray) -> np.ndarray:

@@ -69,6 +69,19 @@ def test_a_film_of_the_same_grade_changes_nothing() -> None:
         np.testing.assert_array_equal(noticed(measured(picture, head(), known)), NEUTRAL)
 
 
+def test_light_from_another_side_is_no_grade() -> None:
+    """Nose and cheeks have their shades on the other side, which no contrast explains."""
+    shades = np.ones((2, H, W, 1))
+    for rows, columns in (((24, 46), (32, 42)), ((40, 62), (8, 18)), ((20, 34), (10, 20))):
+        shades[0, slice(*rows), slice(*columns)] = 0.6
+    shades[0, 62:72, 20:40] = 0.6
+    shades[1] = shades[0, :, ::-1]
+    own, picture = (head() * cv2.GaussianBlur(s, (0, 0), 2)[..., None] for s in shades)
+    np.testing.assert_array_equal(noticed(measured(LAMP * picture, own, FACE)), NEUTRAL)
+    found = measured(LAMP * (0.6 * picture + 70), own, FACE)
+    assert found[:2].sum() == pytest.approx(0.6 * 150 / (0.6 * 150 + 70), abs=0.06)
+
+
 def test_grades_go_from_frame_to_frame_steadily() -> None:
     faded = np.array([0.7, 0, 60, 30.0])
     odd = np.array([0.2, 0, 150, 90.0])
