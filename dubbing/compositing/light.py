@@ -17,10 +17,15 @@ from dubbing.preparation.matting.matting import REFERENCE_SIZE, dilate
 
 STEP = 4  # px between places where the ratio is measured
 SMOOTH = 36.0  # px, Gaussian: faster variation is skin, not light
-SHADOWS = 36.0, 16.0  # px, Gaussian: of shadows that fall on a part of the face, their edges
-DEEP = 0.12  # of a logarithm: a face has no smaller shadows that are not its own
-MOST = 90  # percent of the face above the mouth, of which the deepest says how deep they are
-MOUTH = 14.0  # px round the film's lips, which move with other words
+# px, Gaussian: of shadows on a part of the face, down to those of noses in light from another side;
+# and the share of places around that must be known, below which they fade.
+SHADOWS = ((36.0, 0.02), (16.0, 0.02), (8.0, 0.3), (4.0, 0.3))
+# Of a logarithm: a face has no smaller shadows that are not its own; from the second on they
+# are followed in full.
+DEEP, DEEPER = 0.12, 0.15
+FAINT = 0.06  # of it: where there are such, what is no shadow
+USUAL, MOST = 90, 98  # percent of the face above the mouth: says if there are any, and how deep
+MOUTH = 8.0  # px round the film's lips, which move with other words
 HAZE, OPAQUE = 16, 250  # of 255; a head with no more than the first is haze
 DARK = 4.0  # grey levels added before the ratio is taken: black has none
 PRIOR_WEIGHT = 0.02  # of the whole face's ratio beside that of the neighbourhood
@@ -81,13 +86,14 @@ def follow_light(
     slow = middle + apart / (near + PRIOR_WEIGHT)
     above = share[: max(0, int(landmarks[NOSE_BASE, 1] - rows.start) // STEP), :, 0] > 0.5
     rest = np.abs((ratio - slow).mean(-1))[: len(above)][above]
-    shadowed = len(rest) and np.percentile(rest, MOST) > DEEP
-    for reach in SHADOWS if shadowed else ():
-        cast = shade(ratio - slow, share[..., 0], reach * unit / STEP, PRIOR_WEIGHT)
+    usual = np.percentile(rest, USUAL) if len(rest) else 0.0
+    followed = np.clip((usual - DEEP) / (DEEPER - DEEP), 0, 1)
+    for reach, least in SHADOWS if followed else ():
+        cast = shade(ratio - slow, share[..., 0], reach * unit / STEP, least)
         depth = np.abs(cast.mean(-1, keepdims=True))
         # A chin that moves is no shadow: one that passes falls on the rest of the face, too.
         deepest = np.percentile(depth[: len(above)][above], MOST)
-        slow += cast * np.clip(np.minimum(depth, deepest) / DEEP - 1, 0, 1)
+        slow += followed * cast * np.clip(np.minimum(depth, deepest) / FAINT - 1, 0, 1)
     side = same.shape[::-1]
     gain = cv2.resize(np.exp(slow).astype(np.float32), side, interpolation=cv2.INTER_LINEAR)
     out = head.copy()

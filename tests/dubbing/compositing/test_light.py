@@ -79,6 +79,20 @@ def test_a_shadow_that_falls_on_a_part_of_the_face_falls_on_its_mouth(edge: int)
     assert np.percentile(away, 95) < 20
 
 
+def test_in_light_from_another_side_a_nose_has_its_shade_there() -> None:
+    """The learned head has it on the other side, and shades of cheeks beside the mouth."""
+    shades = np.ones((2, S, S, 1))
+    for rows, columns in (((70, 112), (104, 122)), ((110, 170), (48, 66)), ((60, 90), (60, 84))):
+        shades[0, slice(*rows), slice(*columns)] = 0.5
+    shades[1] = shades[0, :, ::-1]
+    there, here = (cv2.GaussianBlur(shade, (0, 0), 4)[..., None] for shade in shades)
+    made = follow(skin(mouth=30) * here, skin(mouth=90) * there)
+    away = np.abs(made[..., :3] - np.clip(skin(mouth=90) * here, 0, 255)).max(-1)
+    before = np.abs(skin(mouth=90) * (here - there)).max(-1)
+    assert away[INNER].mean() < 0.4 * before[INNER].mean()
+    assert away[130:170, 90:166].mean() < 6  # no light is made up where words decide
+
+
 @pytest.mark.parametrize("chin", [0.5, 1.6])
 def test_a_chin_that_moves_is_no_shadow(chin: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """What differs below the mouth alone is followed slowly, as any light is."""
