@@ -71,7 +71,7 @@ class _Runner:
         self.running: set[StageId] = set()
         self.elsewhere: dict[StageId, Watch] = {}  # at work in another run
         self.settled: set[StageId] = set()
-        self.lost: set[StageId] = set()  # stages that failed
+        self.lost: dict[StageId, Failure] = {}  # stages that failed
         self.begun: set[StageId] = set()
         self.reasons: dict[StageId, list[str]] = {}
         self.tries: dict[StageId, int] = {}
@@ -92,7 +92,7 @@ class _Runner:
 
     def _lose(self, node: Node, failure: Failure) -> None:
         """Record the failure of a stage; a job keeps the first one."""
-        self.lost.add(node.stage.id)
+        self.lost[node.stage.id] = failure
         outcome = self.outcomes[node.job.label]
         if outcome.failure is None:
             outcome.state, outcome.failure = FAILED, failure
@@ -240,19 +240,20 @@ class _Runner:
             left = [stage for name, stage in job.stages.items() if name not in self.settled]
             if outcome.failure or (job.stages and not left):
                 continue
-            if (failed := self._failed_before(job, left)) is not None:
-                failure = self.outcomes[failed.label].failure
-                assert failure is not None
+            if (before := self._failed_before(job, left)) is not None:
+                failed, failure = before
                 what = f"{failed.kind} {failed.name} failed: {failure.what}"
                 outcome.failure = replace(failure, what=what, trace="")
                 outcome.state = "skipped"
             elif not self.options.keep_going:
                 outcome.state = "stopped"
 
-    def _failed_before(self, job: Job, left: list[Stage]) -> Job | None:
-        """The job whose failure keeps a job from being done."""
-        lost = self.lost & {name for stage in left for name in stage.ancestors()}
+    def _failed_before(self, job: Job, left: list[Stage]) -> tuple[Job, Failure] | None:
+        """The job whose failure keeps a job from being done, and that failure."""
+        before = {name for stage in left for name in stage.ancestors()}
         for other in (self.jobs.by_label[label] for label in job.waits_for):
-            if self.outcomes[other.label].failure and (other.blocked or lost & {*other.stages}):
-                return other
+            own = self.outcomes[other.label].failure if other.blocked else None
+            lost = (self.lost[name] for name in other.stages if name in self.lost.keys() & before)
+            if failure := own or next(lost, None):
+                return other, failure
         return None

@@ -18,7 +18,7 @@ import pytest
 
 from dubbing.engine.disk import claims
 from dubbing.engine.graph.fields import Setting
-from dubbing.engine.graph.graph import Job, Node, nodes
+from dubbing.engine.graph.graph import Job, Jobs, Node, nodes
 from dubbing.engine.graph.stage import Progress, Stage
 from dubbing.engine.running import runner
 from dubbing.engine.running.executors import Executor, InLine, Processes
@@ -106,6 +106,20 @@ def test_one_that_fails_stops_only_what_needs_it(tmp_path: Path, executor: Make)
     # What of a scene does not go back to it is made.
     assert "scene/render ann" in begun(path)
     assert not {"scene/render bad", "scene/composite"} & {*begun(path)}
+
+
+def test_each_that_needs_a_stage_of_a_job_says_why_that_one_failed(tmp_path: Path) -> None:
+    """Two clips of one person cannot be prepared; each has a dub."""
+    path = write_manifest(tmp_path, ["bad", "worse"], {"one": "bad", "two": "worse"})
+    jobs = jobs_of(path).by_label
+    both = Job("identity", "both", tmp_path)
+    for one in ("bad", "worse"):
+        both.stages |= jobs[f"identity/{one}"].stages
+    dubs = [replace(jobs[f"dub/{name}"], waits_for=(both.label,)) for name in ("one", "two")]
+    outcomes = runner.run(Jobs.of([both, *dubs]), Options(), Listener())
+    said = [str(outcomes[f"dub/{name}"].failure) for name in ("one", "two")]
+    assert said[0] == "identity both failed: cannot (bad.mp4): do this"
+    assert "nobody thought of this" in said[1]
 
 
 def test_one_line_that_fails_fails_its_scene_and_not_the_other_lines(
