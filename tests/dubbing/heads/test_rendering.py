@@ -11,6 +11,7 @@ import pytest
 import torch
 
 from dfrf import presets, saved_models
+from dfrf.config import MarchConfig
 from dfrf.fast.fast_method import FastMethod
 from dfrf.field.speaker_adaptation import NUMBERS
 from dubbing.face.mesh_points import CHIN
@@ -38,7 +39,9 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
     random = np.random.default_rng(0)
     replace(clip, landmarks=random.random((count, 478, 2)) * 32).save()
     torch.manual_seed(0)
-    model = presets.build(small_config(references=0, use_warp=False))
+    config = small_config(references=0, use_warp=False)
+    coarse = MarchConfig(resolution=24, step=0.4)  # so many heads are rendered
+    model = presets.build(replace(config, march=coarse))
     saved_models.save_person(tmp_path / "model.safetensors", model, None, {})
     windows = random.random((count, 16, 8)).astype(np.float32)
     speech = SpeechFrames(windows, random.random((count, NUMBERS)).astype(np.float32))
