@@ -108,23 +108,23 @@ def _portraits(name: str, clip: Path, findings: Findings) -> tuple[Portrait, ...
 
     Empty where the person is the largest face of the clip.
     """
-    own, plain = _portrait(findings.identities[name]), Portrait(clip)
-    if own == plain:
+    own, largest = _portrait(findings.identities[name], clip), Portrait(clip)
+    if own == largest:
         return ()
     others = {
-        _portrait(identity)
+        _portrait(identity, clip)
         for other, identity in findings.identities.items()
         if other != name and clip in identity.films
     }
-    others -= {own, plain}
+    others -= {own, largest}
     known = (one for one in others if one.clip not in findings.damaged)
     return own, *sorted(known, key=lambda one: (one.points, one.clip))
 
 
-def _portrait(identity: entries.Identity) -> Portrait:
-    """A person where they are shown: at the points of their first clip, or by the main clip."""
-    points = tuple((point.at, point.x, point.y) for point in identity.face)
-    return Portrait(identity.films[0] if points else identity.clip, points)
+def _portrait(identity: entries.Identity, clip: Path) -> Portrait:
+    """A person as they are known in a clip; see `Identity.shown_for`."""
+    film, points = identity.shown_for(clip)
+    return Portrait(film, tuple((point.at, point.x, point.y) for point in points))
 
 
 def _consent(consent: entries.Consent) -> Consent:

@@ -100,11 +100,13 @@ def _identity(findings: Findings, name: str, identity: Identity) -> None:
 
 
 def _faces(findings: Findings, at: KeyPath, identity: Identity) -> None:
-    shown = findings.media.get(identity.films[0])
-    if shown is None or shown.picture is None:
-        return
     for k, point in enumerate(identity.face):
-        if point.at > shown.duration:
+        film = identity.film_of(point)
+        if film is None:
+            findings.add((*at, "face", k, "clip"), f"{point.clip} is no clip of {at[-1]}")
+            continue
+        shown = findings.media.get(film)
+        if shown is not None and shown.picture is not None and point.at > shown.duration:
             message = f"{point.at:g} s is past the end: the clip is {shown.duration:.1f} s long"
             findings.add((*at, "face", k, "at"), message)
 

@@ -82,11 +82,13 @@ class FacePoint(Entry):
     """A point inside a face."""
 
     at: Seconds = Field(ge=0, le=LONGEST_SECONDS)
-    """When, in the first clip."""
+    """When, in the clip."""
     x: float = Field(ge=0, le=1)
     """Share of the frame's width, from the left."""
     y: float = Field(ge=0, le=1)
     """Share of the frame's height, from the top."""
+    clip: FilePath | None = None
+    """Which of the person's clips; the first if left out."""
 
 
 FacePoints = Annotated[
@@ -130,8 +132,8 @@ class Identity(Entry):
     colour: Colour | None = None
     """Colour spaces of clips; those that they say if left out, as PQ, HLG and EXR do."""
     face: FacePoints = ()
-    """A point in this person's face, where the first clip shows several faces; one, or a list.
-    Other shots and clips follow by looks.
+    """A point in this person's face, where a clip shows several faces, or is not known by their
+    looks; one, or a list. Other shots and clips follow by looks.
     """
     start: Seconds = Field(default=0.0, ge=0, le=LONGEST_SECONDS)
     """Where in the clip to begin to learn."""
@@ -206,6 +208,21 @@ class Identity(Entry):
     def films(self) -> tuple[Path, ...]:
         """All its clips, each once; dubs can be made over any."""
         return tuple(dict.fromkeys(self.clips or (self.clip,)))
+
+    def film_of(self, point: FacePoint) -> Path | None:
+        """The clip that a point lies in; None where it names another one."""
+        named = plain(point.clip or self.films[0])
+        return next((film for film in self.films if plain(film) == named), None)
+
+    def shown_for(self, clip: Path) -> tuple[Path, tuple[FacePoint, ...]]:
+        """By which clip the person is known in one of theirs, and where they are in it.
+
+        That is the clip itself where a point lies in it, else the first, or the main one.
+        """
+        for film in (clip, self.films[0]):
+            if points := tuple(point for point in self.face if self.film_of(point) == film):
+                return film, points
+        return self.clip, ()
 
 
 class Dub(Entry):

@@ -80,7 +80,7 @@ def film_of(
     faceless = [
         name
         for name, identity in people.items()
-        if not identity.face and (dub.clip or identity.clip) == identity.clip
+        if identity.shown_for(dub.clip or identity.clip) == (dub.clip or identity.clip, ())
     ]
     if len(people) > 1 and faceless:
         message = "several people in a film need `face`, or another clip to learn from"

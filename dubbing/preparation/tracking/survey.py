@@ -107,7 +107,7 @@ def survey(
         raise PreparationError(
             f"no face {error}",
             str(info.path),
-            "give in `face` where it is: seconds, shares of the frame's width and height",
+            "give in `face` where it is: clip, seconds, shares of the frame's width and height",
         ) from error
     repeated = difference < REPEATED
     repeated[0] = False

@@ -313,6 +313,32 @@ def test_two_people_of_one_film(folder: Path) -> None:
         load(path)
 
 
+def test_a_person_is_pointed_at_in_any_clip_of_theirs(folder: Path) -> None:
+    """As in a light in which looks tell nothing; the other clips follow by looks as before."""
+    path = written(folder, GOOD.replace("it.srt", "it.srt, clip: tc.mov"))
+    point = "face: {at: 0.5, x: 0.3, y: 0.5, clip: tc.mov}"
+    clips_of = "clips: [film.mp4, tc.mov, other.mp4], seconds: 2"
+    text = path.read_text().replace("clip: film.mp4, seconds: 1", f"{clips_of}, {point}", 1)
+    path.write_text(text)
+    shown = {one.path.name: one.portraits for one in load(path).people["ann"].clips}
+    (seen,) = shown["tc.mov"]
+    assert (seen.clip.name, seen.points) == ("tc.mov", ((0.5, 0.3, 0.5),))
+    assert shown["film.mp4"] == ()  # learned from: their largest face
+    assert [(one.clip.name, one.points) for one in shown["other.mp4"]][:1] == [("film.mp4", ())]
+    path.write_text(text.replace(", clip: tc.mov}", "}"))
+    assert {
+        (one.portraits[0].clip.name, len(one.portraits[0].points))
+        for one in load(path).people["ann"].clips
+    } == {("film.mp4", 1)}
+    for change, message in (
+        (("clip: tc.mov}", "clip: no.mov}"), r"ann\.face\.clip: .*no.mov is no clip of ann"),
+        (("at: 0.5", "at: 9.5"), r"face\.at: 9.5 s is past the end: the clip is"),
+    ):
+        path.write_text(text.replace(*change))
+        with pytest.raises(ManifestError, match=message):
+            load(path)
+
+
 def test_an_identity_of_several_clips(folder: Path) -> None:
     several = written(folder, GOOD.replace("it.srt", "it.srt, clip: tc.mov"))
     text = several.read_text().replace("clip: film.mp4, seconds: 1", "clips: [film.mp4, tc.mov]")
