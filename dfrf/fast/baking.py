@@ -1,4 +1,4 @@
-"""What of a learned model is computed once: its empty cells, and its baked density.
+"""Computes once what a learned model needs: its empty cells, and its baked density.
 
 T frames, K numbers of conditioning, V corners of cells.
 """

@@ -59,8 +59,8 @@ def measured(picture: np.ndarray, head: np.ndarray, known: np.ndarray) -> np.nda
 
 
 def _terms(own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What is multiplied by contrast, grey and black, (3, n, 3), of colours (n, 3); and the share
-    of the latter two in the mean colour, (2,)."""
+    """The factors of contrast, grey and black, (3, n, 3), for colours (n, 3); and the share of the
+    latter two in the mean colour, (2,)."""
     terms = np.stack([own, np.repeat((own @ LUMA)[:, None], 3, 1), np.full_like(own, WHITE)])
     return terms, terms[1:].mean((1, 2)) / max(float(own.mean()), 1.0)
 
@@ -97,7 +97,7 @@ def fitted(picture: np.ndarray, head: np.ndarray, known: np.ndarray) -> np.ndarr
 
 
 def noticed(grade: np.ndarray) -> np.ndarray:
-    """What is applied of measured grades (..., 4), (..., 3): nothing of small or unknown ones."""
+    """Grades (..., 3) to apply, of measured ones (..., 4): neutral for small or unknown ones."""
     share = np.clip((grade[..., 3:] - CHANGES_FROM) / (CHANGES_FULL - CHANGES_FROM), 0, 1)
     return np.where(share > 0, NEUTRAL + share * (grade[..., :3] - NEUTRAL), NEUTRAL)
 
@@ -135,6 +135,6 @@ def graded_colours(head: np.ndarray, grade: np.ndarray) -> np.ndarray:
 
 
 def _matrix(grade: np.ndarray) -> np.ndarray:
-    """What a grade does to premultiplied colours and opacity, (3, 4)."""
+    """The matrix (3, 4) that grades premultiplied colours and opacity."""
     colour = grade[0] * np.eye(3) + grade[1] * LUMA
     return np.column_stack([colour, np.full(3, grade[2] / WHITE)])

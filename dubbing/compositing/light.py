@@ -20,11 +20,11 @@ SMOOTH = 36.0  # px, Gaussian: faster variation is skin, not light
 # px, Gaussian: of shadows on a part of the face, down to those of noses in light from another side;
 # and the share of places around that must be known, below which they fade.
 SHADOWS = ((36.0, 0.02), (16.0, 0.02), (8.0, 0.3), (4.0, 0.3))
-# Of a logarithm: a face has no smaller shadows that are not its own; from the second on they
-# are followed in full.
+# Of a logarithm: where so much of the face above the mouth is off by the first, shadows begin to be
+# followed, from the second on in full.
 DEEP, DEEPER = 0.12, 0.15
-FAINT = 0.06  # of it: where there are such, what is no shadow
-USUAL, MOST = 90, 98  # percent of the face above the mouth: says if there are any, and how deep
+FAINT = 0.06  # of a logarithm: shallower places are not followed
+USUAL, MOST = 90, 98  # percent of the face above the mouth: is there a shadow, and how deep is it
 MOUTH = 8.0  # px round the film's lips, which move with other words
 HAZE, OPAQUE = 16, 250  # of 255; a head with no more than the first is haze
 DARK = 4.0  # grey levels added before the ratio is taken: black has none

@@ -160,7 +160,7 @@ def without_dents(piece: np.ndarray, compared: Compared) -> np.ndarray:
 def beside_told(
     over: np.ndarray, told: np.ndarray, landmarks: np.ndarray, bare: np.ndarray
 ) -> np.ndarray:
-    """What lies over the face, (H, W) bool, without pieces that the preparation has found, too.
+    """The cut over the face, (H, W) bool, without pieces that the preparation has found, too.
 
     A cut in the frame of the face is coarse: beside a graphic it takes lips along. The rest of a
     piece that was found in part stays, as the band of a cup.

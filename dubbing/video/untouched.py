@@ -57,7 +57,7 @@ class Proof(TypedDict):
 
 @dataclass
 class _Sums:
-    """What a part is made of, frame by frame."""
+    """Differences and digests of a part, summed frame by frame."""
 
     frames: int = 0
     worst: float = 0.0
