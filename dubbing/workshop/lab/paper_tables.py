@@ -168,7 +168,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--document", type=Path, default=Path("docs/development/paper.md"))
     given = parser.parse_args(arguments)
     how = (1, given.seconds, given.lpips_weights, given.device, given.commit)
-    request = Request(given.seeds, (), *how)
+    request = Request(given.seeds, (), *how, composition=False)
     bases = {method: Path(file) for method, _, file in (b.partition("=") for b in given.base)}
     tables = rows_of_tables(bases)
     runs: list[Figures] = [{} for _ in given.seeds]

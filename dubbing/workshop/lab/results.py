@@ -55,6 +55,7 @@ class Request:
     lpips_weights: Path | None
     device: str
     commit: str
+    composition: bool = True  # whether it is measured what the pixels of a dub are made of
 
 
 def with_seed(production: Production, seed: int) -> Production:
@@ -94,7 +95,8 @@ def _measure(
         for method in request.methods:
             finetune = person_job(method.of(person), production.work).stage(Finetune)
             read, settings = sorted(finetune.sources().values()), dict(finetune.parameters)
-            how = [request.every, request.seconds, request.lpips_weights is not None]
+            frames, lpips = (request.every, request.seconds), request.lpips_weights is not None
+            how = [*frames, lpips, request.composition]
             code = code_version(CODE, finetune.packages, finetune.without_effect)
             way = digest_data([code, how, person.size, settings, read])
             key = f"{name}/{method}"
@@ -105,7 +107,7 @@ def _measure(
                 production,
                 methods=(method,),
                 only=(name,),
-                composition=True,
+                composition=request.composition,
                 every=request.every,
                 seconds=request.seconds,
                 lpips_weights=request.lpips_weights,

@@ -55,9 +55,15 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
     made: Calls = []
 
     def evaluate(
-        production: Production, *, methods: tuple[Variant, ...], only: tuple[str, ...], **_: object
+        production: Production,
+        *,
+        methods: tuple[Variant, ...],
+        only: tuple[str, ...],
+        composition: bool,
+        **_: object,
     ) -> None:
         (method,), (name,) = methods, only
+        assert not composition  # it takes longer than a run, and no table shows it
         person = production.people[name]
         made.append((name, person.settings.seed, person.seconds, str(method)))
         assert (method.base is not None) == (method.method == "dfrf-paper")
