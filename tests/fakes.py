@@ -21,7 +21,7 @@ from dubbing.compositing.grade import NEUTRAL
 from dubbing.engine.disk.files import atomic_write_json, atomic_write_text
 from dubbing.engine.running import task
 from dubbing.errors import PreparationError
-from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_OUTER, NOSE_BASE, RIGHT_EYE_OUTER
+from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_OUTER, NOSE, NOSE_BASE, RIGHT_EYE_OUTER
 from dubbing.face.mouth.mouth_shape import OUTER_LIP
 from dubbing.preparation.prepared import BACKGROUND, MATTE, PreparedClip
 from dubbing.script import timeline
@@ -109,6 +109,7 @@ def face(size: int = SIZE) -> np.ndarray:
         landmarks[list(points)] += radius * np.stack([np.sin(angle), -np.cos(angle)], -1)
     landmarks[[LEFT_EYE_OUTER, RIGHT_EYE_OUTER]] += size / 6 * np.array([[-1, -1.5], [1, -1.5]])
     landmarks[NOSE_BASE] -= (0, size / 8)
+    landmarks[list(NOSE)] -= (0, size / 4)  # a dot between the eyes
     return landmarks
 
 

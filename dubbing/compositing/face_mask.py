@@ -1,8 +1,8 @@
 """The face mask: the pixels that a dub replaces, the lower face and the region round its jaw.
 
-Eyes with their lids and gaze, hair and ears are, like pose and background, those of the film's
-frame, so a dub keeps their pixels. S side of the crop in px; lengths are for S = 512 and scale with
-it.
+Eyes with their lids and gaze, the nose, hair and ears are, like pose and background, those of the
+film's frame, so a dub keeps their pixels. S side of the crop in px; lengths are for S = 512 and
+scale with it.
 """
 
 import math
@@ -15,6 +15,7 @@ from dubbing.face.mesh_points import (
     CHIN,
     FOREHEAD_TOP,
     LEFT_EYE_OUTER,
+    NOSE,
     NOSE_BASE,
     RIGHT_EYE_OUTER,
 )
@@ -28,6 +29,9 @@ INSIDE, OUTSIDE = 13.0, 3.0
 # Between these heights across cheeks and nose the rendered head takes over: 0 on the line through
 # the eyes, 1 at the base of the nose.
 ABOVE, BELOW = 0.4, 0.8
+# px beside the nose within which its own pixels fade: words hardly move it, light and nostrils are
+# the film's.
+BESIDE_NOSE = 12.0
 UPPER_LIP_TOP = 0  # of FaceMesh
 # Least length of that line, in eye distances: it is 0 for a nose that points at the camera.
 SHORTEST = 0.3
@@ -46,7 +50,7 @@ def face_mask(landmarks: np.ndarray, contour: FaceContour) -> np.ndarray:
     """Share of each pixel that a rendered head may replace, (S, S) uint8.
 
     255 round the mouth and the chin, falling to 0 across the cheeks, across the rest of the face's
-    edge, and from the mouth up to the eyes.
+    edge, at the nose, and from the mouth up to the eyes.
 
     Args:
         landmarks: (478, 2) px.
@@ -55,7 +59,7 @@ def face_mask(landmarks: np.ndarray, contour: FaceContour) -> np.ndarray:
     size = len(contour.region)
     unit = size / REFERENCE_SIZE
     part = round_mouth(landmarks, size)
-    lower = lower_share(landmarks, part)
+    lower = lower_share(landmarks, part) * beside_nose(landmarks, part, size)
     wide, own = around(part, math.ceil(INSIDE * unit) + 1, size)
     face = contour.region[wide]
     outside, inside = (
@@ -68,6 +72,18 @@ def face_mask(landmarks: np.ndarray, contour: FaceContour) -> np.ndarray:
     mask = np.zeros((size, size), np.uint8)
     mask[part] = (share * mouth_share(landmarks, part) * lower * 255).round()
     return mask
+
+
+def beside_nose(landmarks: np.ndarray, part: Part, size: int) -> np.ndarray:
+    """0 on the nose, 1 from `BESIDE_NOSE` px on beside it, (H, W) in a part of an image."""
+    rows, columns = part
+    outline = cv2.convexHull(landmarks[list(NOSE)].round().astype(np.int32))
+    other = np.ones((rows.stop - rows.start, columns.stop - columns.start), np.uint8)
+    if not other.size:
+        return other
+    cv2.fillPoly(other, [outline], 0, offset=(-columns.start, -rows.start))
+    away = cv2.distanceTransform(other, cv2.DIST_L2, 5)
+    return np.clip(away / (BESIDE_NOSE * size / REFERENCE_SIZE), 0, 1)
 
 
 def rendered_region(landmarks: np.ndarray, size: int) -> np.ndarray:

@@ -28,6 +28,9 @@ RIGID: tuple[int, ...] = (
     *EYE_CORNERS,  # stay last
 )
 
+# The nose below its bridge, whose outline is their convex hull.
+NOSE: tuple[int, ...] = (6, 1, 4, 48, 64, 97, 98, 129, 278, 294, 326, 327, 358)
+
 # Nose and cheeks, where hardly anybody has hair.
 SKIN: tuple[int, ...] = (4, 5, 195, 197, 6, 50, 280, 205, 425, 101, 330, 36, 266)
 

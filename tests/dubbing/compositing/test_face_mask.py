@@ -5,12 +5,14 @@ import pytest
 
 from dubbing.compositing.face_mask import (
     ABOVE,
+    BESIDE_NOSE,
     INSIDE,
     OUTSIDE,
     face_mask,
     lower_share,
     rendered_region,
 )
+from dubbing.face import mesh_points
 from dubbing.face.face_contour import face_contour
 from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_OUTER, NOSE_BASE, RIGHT_EYE_OUTER
 from dubbing.face.mouth.mouth_shape import OUTER_LIP
@@ -29,6 +31,7 @@ def landmarks(roll: float = 0.0) -> np.ndarray:
     points[list(FACE_OVAL)] = 60 * np.stack([np.sin(angle), -np.cos(angle)], -1)
     points[[LEFT_EYE_OUTER, RIGHT_EYE_OUTER]] = [[-30, EYES], [30, EYES]]
     points[NOSE_BASE] = [0, NOSE]
+    points[list(mesh_points.NOSE)] = [0, EYES]  # of no size
     points[list(OUTER_LIP)] = [0, MOUTH]
     cos, sin = np.cos(np.radians(roll)), np.sin(np.radians(roll))
     return 128 + points @ np.array([[cos, sin], [-sin, cos]])
@@ -69,6 +72,22 @@ def test_it_rises_all_the_way_from_the_eyes_to_the_mouth() -> None:
     assert (columns[0] == 0).all()
     assert (columns[-1, 10:-10] == 255).all()
     assert np.diff(columns, axis=0).max() < 40  # no hard edge across the cheeks
+
+
+def test_the_nose_is_the_films_own() -> None:
+    """Words hardly move it; light and nostrils are those of the frame."""
+    points = landmarks()
+    wings = points[list(mesh_points.NOSE)]
+    wings[::2], wings[1::2] = (128 - 12, 128 + NOSE), (128 + 12, 128 + NOSE)
+    wings[0] = 128, 128 + EYES
+    points[list(mesh_points.NOSE)] = wings
+    share, without = mask_of(points, S), mask_of(landmarks(), S)
+    below = 128 + NOSE + round(BESIDE_NOSE * S / 512) + 1
+    assert (share[below:] == without[below:]).all()
+    assert (share[128 + NOSE, 128 - 12 : 128 + 13] == 0).all()
+    rise = share[128 + NOSE : below, 128].astype(int)
+    assert (np.diff(rise) > 0).all()
+    assert share[128 + NOSE, 128 + 30] == without[128 + NOSE, 128 + 30] > 0
 
 
 def test_a_cheek_that_a_turned_head_shows_is_the_films_own() -> None:
