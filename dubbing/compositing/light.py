@@ -23,6 +23,7 @@ SHADOWS = ((36.0, 0.02), (16.0, 0.02), (8.0, 0.3), (4.0, 0.3))
 # Of a logarithm: where so much of the face above the mouth is off by the first, shadows begin to be
 # followed, from the second on in full.
 DEEP, DEEPER = 0.12, 0.15
+REDDER = 0.4  # of a shadow's logarithm: by so much, channels may differ
 FAINT = 0.06  # of a logarithm: shallower places are not followed
 USUAL, MOST = 90, 98  # percent of the face above the mouth: is there a shadow, and how deep is it
 MOUTH = 8.0  # px round the film's lips, which move with other words
@@ -52,10 +53,11 @@ def follow_light(
     """
     size = len(image)
     unit = size / REFERENCE_SIZE
+    step = max(1, round(STEP * unit))
     # Only where the head is, from block to block, and one block more.
     rows, columns = (
-        slice(i.start // STEP * STEP, i.stop // STEP * STEP)
-        for i in around(extent(head[..., 3] > HAZE), 2 * STEP, size)[0]
+        slice(i.start // step * step, i.stop // step * step)
+        for i in around(extent(head[..., 3] > HAZE), 2 * step, size)[0]
     )
     part = rows, columns
     lips = dilate(lip_region(landmarks, size)[part], MOUTH * unit)
@@ -69,27 +71,27 @@ def follow_light(
     if same.sum() < least:
         return head
     counts = same.astype(np.uint8)
-    share = _small(counts)[..., None]
+    share = _small(counts, step)[..., None]
     filmed, rendered = (
-        _small(cv2.bitwise_and(pixels[part], pixels[part], mask=counts))[..., :3]
+        _small(cv2.bitwise_and(pixels[part], pixels[part], mask=counts), step)[..., :3]
         / np.maximum(share, 1e-6)
         for pixels in (image, head)
     )
     ratio = np.log(np.maximum(filmed - haze, 0) + DARK) - np.log(rendered + DARK)
     middle = np.median(ratio[share[..., 0] > 0.5], 0) if (share > 0.5).any() else ratio.mean((0, 1))
     weight = share / (1 + (np.abs(ratio - middle) / OUTLIER) ** 2)
-    sigma = SMOOTH * unit / STEP
+    sigma = SMOOTH * unit / step
     near, apart = (
         cv2.GaussianBlur(x, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT)
         for x in (weight, weight * (ratio - middle))
     )
     slow = middle + apart / (near + PRIOR_WEIGHT)
-    above = share[: max(0, int(landmarks[NOSE_BASE, 1] - rows.start) // STEP), :, 0] > 0.5
+    above = share[: max(0, int(landmarks[NOSE_BASE, 1] - rows.start) // step), :, 0] > 0.5
     rest = np.abs((ratio - slow).mean(-1))[: len(above)][above]
     usual = np.percentile(rest, USUAL) if len(rest) else 0.0
     followed = np.clip((usual - DEEP) / (DEEPER - DEEP), 0, 1)
     for reach, least in SHADOWS if followed else ():
-        cast = shade(ratio - slow, share[..., 0], reach * unit / STEP, least)
+        cast = shade(ratio - slow, share[..., 0], reach * unit / step, least, REDDER)
         depth = np.abs(cast.mean(-1, keepdims=True))
         # A chin that moves is no shadow: one that passes falls on the rest of the face, too.
         deepest = np.percentile(depth[: len(above)][above], MOST)
@@ -104,7 +106,7 @@ def follow_light(
     return out
 
 
-def _small(image: np.ndarray) -> np.ndarray:
-    """An image (H, W[, C]) uint8 downsampled by `STEP`: each pixel the mean of its block."""
-    side = image.shape[1] // STEP, image.shape[0] // STEP
+def _small(image: np.ndarray, step: int) -> np.ndarray:
+    """An image (H, W[, C]) uint8 downsampled: each pixel the mean of a block, `step` px a side."""
+    side = image.shape[1] // step, image.shape[0] // step
     return np.asarray(cv2.resize(image.astype(np.float32), side, interpolation=cv2.INTER_AREA))

@@ -106,7 +106,11 @@ def light_of(sight: Sight, usual: np.ndarray, still: np.ndarray) -> Light:
 
 
 def shade(
-    ratio: np.ndarray, where: np.ndarray, reach: float, least: float = LEAST_AROUND
+    ratio: np.ndarray,
+    where: np.ndarray,
+    reach: float,
+    least: float = LEAST_AROUND,
+    redder: float = 0.0,
 ) -> np.ndarray:
     """Light that varies over a face, a logarithm (H, W, 3): what shadows and lamps do to colours.
 
@@ -117,9 +121,11 @@ def shade(
         ratio: (H, W, 3) logarithm of colours over those that are usual there.
         where: (H, W), share of a place that is known. reach: px, Gaussian; it varies more slowly.
         least: share of the places around that are known, below which it fades.
+        redder: share of the ratio by which channels may differ, too: deep shade on skin is redder.
     """
-    tint = np.abs(ratio - ratio.mean(-1, keepdims=True)).max(-1)
-    weight = (where / (1 + (tint / TINT) ** 4)).astype(np.float32)
+    mean = ratio.mean(-1)
+    tint = np.abs(ratio - mean[..., None]).max(-1) / (TINT + redder * np.abs(mean))
+    weight = (where / (1 + tint**4)).astype(np.float32)
     parts = cv2.multiply(ratio.astype(np.float32), cv2.merge((weight,) * 3)), weight
     slow, around = (cv2.GaussianBlur(part, (0, 0), reach) for part in parts)
     return np.asarray(slow / (around + least)[..., None])
