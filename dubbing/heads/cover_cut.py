@@ -18,6 +18,9 @@ USUAL = 2.5  # times what a place differs by in most frames
 THIN = 1  # px to each side: what is thinner is an edge that does not fit
 APART = 0.22  # of a logarithm: no skin differs by more
 LIKE_SKIN = 12.0  # of a and b of CIELAB
+SHADED = 18.0  # the same in the light of the face beside: shade is redder, what is grey lies 30 off
+# Of L, 0 to 255: a, b and L + BLACK all grow with the cube root of the light.
+BLACK = 16 * 255 / 100
 LEAST = 0.03  # of the squared eye distance that must differ, beside the lips
 LARGE = 0.1  # of it: what hides a face, and has its colours
 AROUND, MOST = 2, 3  # in so many frames of those that near, or it is chance
@@ -52,12 +55,31 @@ def is_large(compared: Compared, over: np.ndarray) -> bool:
 
 def is_like_skin(compared: Compared, over: np.ndarray) -> bool:
     """Whether what lies over the face has its colours, as a hand has: no cut tells them apart."""
+    lab, skin = _colours(compared, over)
+    return skin is None or bool(np.linalg.norm(lab[1:] - skin[1:]) < LIKE_SKIN)
+
+
+def is_shade(compared: Compared, over: np.ndarray, usual: np.ndarray) -> bool:
+    """Whether what differs from the head is skin that a lamp leaves dark, all through a shot.
+
+    For a moment only, hair that falls over a face looks the same.
+
+    Args:
+        usual: (H, W), by how much places differ in most frames.
+    """
+    lab, skin = _colours(compared, over)
+    lasts = np.mean(usual[over] > APART) > 0.5
+    if skin is None or not lasts or lab[0] > skin[0]:
+        return False
+    chroma, own = (colour[1:] / (colour[0] + BLACK) for colour in (lab, skin))
+    return bool(np.linalg.norm(chroma - own) * (skin[0] + BLACK) < SHADED)
+
+
+def _colours(compared: Compared, over: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+    """Medians of L (0..255), a and b of a part (H, W) bool, and of the face beside it, if seen."""
+    lab = cv2.cvtColor(compared.picture, cv2.COLOR_RGB2LAB).astype(np.float32) - (0, 128, 128)
     skin = compared.known & (compared.apart < APART / 2) & ~over
-    if not skin.any():
-        return True
-    chroma = cv2.cvtColor(compared.picture, cv2.COLOR_RGB2LAB)[..., 1:].astype(np.float32)
-    middles = [np.median(chroma[where], 0) for where in (over, skin)]
-    return bool(np.linalg.norm(middles[0] - middles[1]) < LIKE_SKIN)
+    return np.median(lab[over], 0), np.median(lab[skin], 0) if skin.any() else None
 
 
 @dataclass

@@ -35,6 +35,7 @@ from dubbing.heads.cover_cut import (
     followed,
     is_large,
     is_like_skin,
+    is_shade,
     mask_of,
     steady,
     unexplained,
@@ -167,7 +168,7 @@ def _covers(
             for t, seen, mask, sure, nearby in parts:
                 held = [hand for hand in nearby if lies_over(hand, seen, clip.landmarks[t])]
                 placed = [in_face(hand, clip.landmarks[t]) for hand in held]
-                cover = told_apart(seen, mask, sure, held, placed)
+                cover = told_apart(seen, mask, sure, held, placed, usual)
                 if cover is not None:
                     over[t] = cover
                 elif is_large(seen, sure & unexplained(seen, usual)) or t in awry:
@@ -182,22 +183,28 @@ def told_apart(
     sure: np.ndarray,
     hands: list[np.ndarray],
     placed: list[np.ndarray],
+    usual: np.ndarray,
 ) -> Cover | None:
     """The cover of a face, where it can be told from it: by its colours, or as a hand.
 
-    A piece that has the face's colours and touches no hand is skin: a fold, or lips in motion. One
-    on the lips alone is of another word.
+    A piece that has the face's colours and touches no hand is skin: a fold, deep shade, or lips in
+    motion. One on the lips alone is of another word.
 
     Args:
         mask: (H, W) bool, cut out by colours. sure: what of it differs from the head.
         hands: that lie over the face. placed: pixels (H, W) of each, see `hand_cut.in_face`.
+        usual: (H, W), by how much places differ in most frames of the shot.
     """
-    by_colours = mask.any() and not is_like_skin(seen, mask)
+
+    def is_skin(part: np.ndarray) -> bool:
+        return is_like_skin(seen, part) or is_shade(seen, part, usual)
+
+    by_colours = mask.any() and not is_skin(mask)
     near, pixels = np.any([np.zeros_like(mask), *placed], axis=0), np.zeros_like(mask)
     whole = mask if by_colours else sure
     count, pieces = cv2.connectedComponents(whole.astype(np.uint8))
     for piece in (pieces == k for k in range(1, count)):
-        coloured = by_colours and (piece & ~seen.lips).any() and not is_like_skin(seen, piece)
+        coloured = by_colours and (piece & ~seen.lips).any() and not is_skin(piece)
         if coloured:
             pixels |= without_dents(piece, seen)
         elif (piece & near).any():

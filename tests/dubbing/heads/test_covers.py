@@ -221,14 +221,27 @@ def test_what_has_the_colours_of_a_face_is_told_from_it_as_a_hand_alone() -> Non
     like_skin.picture[OBJECT] = (185, 138, 120)
     assert not is_like_skin(dark, thing)
     assert is_like_skin(like_skin, thing)
-    cover = told_apart(dark, thing, thing, [], [])
+    cover = told_apart(dark, thing, thing, [], [], USUAL)
     assert cover is not None
     np.testing.assert_array_equal(cover.pixels, thing)
-    assert told_apart(like_skin, thing, thing, [], []) is None
-    cover = told_apart(like_skin, thing, np.zeros_like(thing), [hand], [thing])
+    assert told_apart(like_skin, thing, thing, [], [], USUAL) is None
+    cover = told_apart(like_skin, thing, np.zeros_like(thing), [hand], [thing], USUAL)
     assert cover is not None
     assert not cover.pixels.any()
     assert cover.hands == [hand]
+
+
+def test_a_half_of_a_face_that_a_lamp_leaves_dark_is_skin() -> None:
+    """All through a shot: hair that falls over a face for a moment has the same colours."""
+    shade = np.zeros((H, W), bool)
+    shade[OBJECT] = True
+    lasting = np.where(shade, 0.6, USUAL)
+    for colour, found in (((45, 30, 26), False), ((12, 9, 8), False), ((30, 30, 30), True)):
+        seen = face(OBJECT)
+        seen.picture[shade] = colour
+        assert not is_like_skin(seen, shade)
+        assert (told_apart(seen, shade, shade, [], [], lasting) is not None) == found
+        assert told_apart(seen, shade, shade, [], [], USUAL) is not None
 
 
 def test_a_shine_on_a_thing_is_part_of_it() -> None:
@@ -238,12 +251,12 @@ def test_a_shine_on_a_thing_is_part_of_it() -> None:
     shine[52:58, 36:40] = True
     seen = face(OBJECT)
     seen.picture[shine] = (250, 250, 250)
-    cover = told_apart(seen, thing & ~shine, thing & ~shine, [], [])
+    cover = told_apart(seen, thing & ~shine, thing & ~shine, [], [], USUAL)
     assert cover is not None
     np.testing.assert_array_equal(cover.pixels, thing)
     # Skin that the head explains is none of it, even where it lies in a bend of the thing.
     seen.apart[shine] = 0
-    cover = told_apart(seen, thing & ~shine, thing & ~shine, [], [])
+    cover = told_apart(seen, thing & ~shine, thing & ~shine, [], [], USUAL)
     assert cover is not None
     np.testing.assert_array_equal(cover.pixels, thing & ~shine)
 
@@ -253,12 +266,12 @@ def test_skin_beside_what_lies_over_a_face_is_skin() -> None:
     thing, cheek, hand, teeth = np.zeros((4, H, W), bool)
     thing[OBJECT] = cheek[30:38, 18:28] = hand[66:80, 40:50] = teeth[46:49, 50:56] = True
     both = thing | cheek | teeth
-    cover = told_apart(face(OBJECT), both, both, [], [])
+    cover = told_apart(face(OBJECT), both, both, [], [], USUAL)
     assert cover is not None
     np.testing.assert_array_equal(cover.pixels, thing)
     like_skin = face()
     like_skin.picture[OBJECT] = (185, 138, 120)
-    cover = told_apart(like_skin, both, both, [np.zeros((21, 3))], [hand])
+    cover = told_apart(like_skin, both, both, [np.zeros((21, 3))], [hand], USUAL)
     assert cover is not None
     np.testing.assert_array_equal(cover.pixels, thing)
 
