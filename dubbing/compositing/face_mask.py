@@ -15,11 +15,11 @@ from dubbing.face.mesh_points import (
     CHIN,
     FOREHEAD_TOP,
     LEFT_EYE_OUTER,
-    NOSE,
     NOSE_BASE,
     RIGHT_EYE_OUTER,
 )
 from dubbing.face.mouth.mouth_shape import OUTER_LIP
+from dubbing.face.nose_region import nose_region
 from dubbing.preparation.background.pixels import Part, around, extent
 from dubbing.preparation.matting.matting import REFERENCE_SIZE
 
@@ -76,12 +76,9 @@ def face_mask(landmarks: np.ndarray, contour: FaceContour) -> np.ndarray:
 
 def beside_nose(landmarks: np.ndarray, part: Part, size: int) -> np.ndarray:
     """0 on the nose, 1 from `BESIDE_NOSE` px on beside it, (H, W) in a part of an image."""
-    rows, columns = part
-    outline = cv2.convexHull(landmarks[list(NOSE)].round().astype(np.int32))
-    other = np.ones((rows.stop - rows.start, columns.stop - columns.start), np.uint8)
+    other = (~nose_region(landmarks, size))[part].astype(np.uint8)
     if not other.size:
         return other
-    cv2.fillPoly(other, [outline], 0, offset=(-columns.start, -rows.start))
     away = cv2.distanceTransform(other, cv2.DIST_L2, 5)
     return np.clip(away / (BESIDE_NOSE * size / REFERENCE_SIZE), 0, 1)
 

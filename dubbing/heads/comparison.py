@@ -24,6 +24,7 @@ from dubbing.compositing.jaw_line import ANGLES, beside
 from dubbing.face.face_contour import face_contour, face_region
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
 from dubbing.face.mouth.lip_region import lip_region
+from dubbing.face.nose_region import nose_region
 from dubbing.identity.dataset import lip_points, upper_face_expression
 from dubbing.media import read_frames
 from dubbing.preparation.covering import usual_colours
@@ -55,7 +56,7 @@ class Compared:
     Attributes:
         picture: (H, W, 3) uint8. apart: (H, W) float32, difference from the head as a logarithm.
         known: (H, W) bool, the lower face beside the lips. lips: (H, W) bool.
-        face: (H, W) bool, all of the face beside the lips.
+        face: (H, W) bool, all of the face beside the lips. nose: (H, W) bool.
         jaw: (K,) px of the crop, see `compositing.jaw_line.beside`.
         grade: (4,) of the film, see `compositing.grade.measured`.
         zoom: how much larger than one that looks ahead a turned face is here; 1 at least.
@@ -66,6 +67,7 @@ class Compared:
     known: np.ndarray
     lips: np.ndarray
     face: np.ndarray
+    nose: np.ndarray
     zoom: float = 1.0
     jaw: np.ndarray = field(default_factory=lambda: np.full(len(ANGLES), np.nan))
     grade: np.ndarray = field(default_factory=lambda: np.full(4, np.nan))
@@ -121,7 +123,7 @@ def compare(
     rest -= shade(rest, solid & ~lips, SHADE)
     apart = np.abs(rest).max(-1) * solid
     beside = solid & ~lips
-    seen = beside & lower, lips & lower, beside
+    seen = beside & lower, lips & lower, beside, nose_region(points, side)[:H, :W]
     return Compared(picture, apart.astype(np.float32), *seen, grade=grade)
 
 

@@ -18,6 +18,7 @@ USUAL = 2.5  # times what a place differs by in most frames
 THIN = 1  # px to each side: what is thinner is an edge that does not fit
 APART = 0.22  # of a logarithm: no skin differs by more
 LIKE_SKIN = 12.0  # of a and b of CIELAB
+NOSE = 0.2  # of the nose that is dark beside a dark cheek
 SHADED = 18.0  # the same in the light of the face beside: shade is redder, what is grey lies 30 off
 # Of L, 0 to 255: a, b and L + BLACK all grow with the cube root of the light.
 BLACK = 16 * 255 / 100
@@ -62,14 +63,15 @@ def is_like_skin(compared: Compared, over: np.ndarray) -> bool:
 def is_shade(compared: Compared, over: np.ndarray, usual: np.ndarray) -> bool:
     """Whether what differs from the head is skin that a lamp leaves dark, all through a shot.
 
-    For a moment only, hair that falls over a face looks the same.
+    Hair that falls over a cheek looks the same. But a lamp leaves a side of the nose dark, too.
 
     Args:
         usual: (H, W), by how much places differ in most frames.
     """
     lab, skin = _colours(compared, over)
     lasts = np.mean(usual[over] > APART) > 0.5
-    if skin is None or not lasts or lab[0] > skin[0]:
+    of_nose = (over & compared.nose).sum() >= NOSE * max(1, compared.nose.sum())
+    if skin is None or not (lasts and of_nose) or lab[0] > skin[0]:
         return False
     chroma, own = (colour[1:] / (colour[0] + BLACK) for colour in (lab, skin))
     return bool(np.linalg.norm(chroma - own) * (skin[0] + BLACK) < SHADED)

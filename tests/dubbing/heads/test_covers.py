@@ -42,6 +42,8 @@ FACE = np.zeros((H, W), bool)
 FACE[10:70, 14:74] = True
 LIPS = np.zeros((H, W), bool)
 LIPS[44:56, 30:58] = True
+NOSE = np.zeros((H, W), bool)
+NOSE[18:38, 36:52] = True
 SKIN, RED, DARK = (200, 150, 130), (170, 80, 80), (60, 62, 66)
 
 
@@ -57,7 +59,7 @@ def face(thing: tuple[slice, slice] | None = None, noise: int = 0) -> Compared:
     rng = np.random.default_rng(noise)
     picture = np.clip(picture + rng.normal(0, 2, picture.shape), 0, 255).astype(np.uint8)
     apart = np.abs(np.log(picture + 12.0) - np.log(expected + 12.0)).max(-1) * FACE
-    return Compared(picture, apart.astype(np.float32), FACE & ~LIPS, LIPS, FACE & ~LIPS)
+    return Compared(picture, apart.astype(np.float32), FACE & ~LIPS, LIPS, FACE & ~LIPS, NOSE)
 
 
 def film(folder: Path, frames: int) -> PreparedClip:
@@ -232,16 +234,21 @@ def test_what_has_the_colours_of_a_face_is_told_from_it_as_a_hand_alone() -> Non
 
 
 def test_a_half_of_a_face_that_a_lamp_leaves_dark_is_skin() -> None:
-    """All through a shot: hair that falls over a face for a moment has the same colours."""
-    shade = np.zeros((H, W), bool)
-    shade[OBJECT] = True
-    lasting = np.where(shade, 0.6, USUAL)
-    for colour, found in (((45, 30, 26), False), ((12, 9, 8), False), ((30, 30, 30), True)):
-        seen = face(OBJECT)
-        seen.picture[shade] = colour
-        assert not is_like_skin(seen, shade)
-        assert (told_apart(seen, shade, shade, [], [], lasting) is not None) == found
-        assert told_apart(seen, shade, shade, [], [], USUAL) is not None
+    """All through a shot, and with a side of the nose: hair has the same colours."""
+    half, strand = np.s_[14:70, 46:74], np.s_[14:70, 56:74]
+    brown, black, grey = (45, 30, 26), (12, 9, 8), (30, 30, 30)
+    for thing, colour, found in (
+        (half, brown, False),
+        (half, black, False),
+        (half, grey, True),
+        (strand, brown, True),
+    ):
+        over, seen = np.zeros((H, W), bool), face(thing)
+        over[thing], seen.picture[thing] = True, colour
+        assert not is_like_skin(seen, over)
+        lasting = np.where(over, 0.6, USUAL)
+        assert (told_apart(seen, over, over, [], [], lasting) is not None) == found
+        assert told_apart(seen, over, over, [], [], USUAL) is not None
 
 
 def test_a_shine_on_a_thing_is_part_of_it() -> None:

@@ -83,7 +83,7 @@ def test_a_hand_counts_where_the_head_does_not_explain_it(hands: list[np.ndarray
     hand = hands[1].copy()
     hand[:, :2] += at_lips - hand[9, :2]
     picture, apart = np.zeros((H, W, 3), np.uint8), np.full((H, W), 0.3, np.float32)
-    seen = Compared(picture, apart, FACE & ~LIPS, LIPS, FACE & ~LIPS)
+    seen = Compared(picture, apart, FACE & ~LIPS, LIPS, FACE & ~LIPS, np.zeros_like(FACE))
     assert lies_over(hand, seen, landmarks)
     assert not lies_over(hand, replace(seen, apart=np.zeros_like(apart)), landmarks)
     assert not lies_over(hand + np.array([0, 2 * SIZE, 0]), seen, landmarks)
