@@ -31,6 +31,9 @@ LEAST_SEEN = 0.3  # share of the frames in which a point must be visible,
 AGREED_SEEN, AGREED = 0.1, 8.0  # or this one, if they differ by fewer grey levels in the median
 LEAST_FOUND = 0.9  # share of the frames in which the torso must be tracked
 BESIDE = 32.0  # px round the filled part within which torso and frame are compared
+# Of a logarithm from the median there: what is further apart is no light, as where a collar lies
+# beside the skin that the torso shows. Grey levels are added first, as noise of black is no light.
+OTHER, DARK = 0.5, 16.0
 EVEN = 4.0  # px along which the upper end of the filled part is smoothed
 
 
@@ -87,7 +90,7 @@ class Torso:
             side = film.shape[1::-1]
             colour = cv2.warpAffine(self.colour, there, side, flags=cv2.INTER_CUBIC)
             # What is apart beside the mask goes on in it: the light of the frame, and no seam.
-            beside = (~left & visible & (share > PERSON))[inner]
+            beside = alike(film, colour, (~left & visible & (share > PERSON))[inner])
             colour = colour + pull_push(cv2.subtract(film, colour, dtype=cv2.CV_32F), beside)
             filled = wall[inner] + spread(share[inner]) * (colour - wall[inner])
             part[inner] = chosen(here[inner], rounded(filled), film)
@@ -98,6 +101,16 @@ class Torso:
         side = shape[1], shape[0]
         visible = cv2.warpAffine(self.visible.astype(np.uint8) * 255, motion, side) > 0.99 * 255
         return visible, cv2.warpAffine(self.share, motion, side)
+
+
+def alike(film: np.ndarray, colour: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Known pixels (H, W) bool where a frame and the torso, (H, W, 3) uint8, show the same."""
+    if not known.any():
+        return known
+    ratio = np.log((film[known] + DARK) / (colour[known] + DARK))
+    out = known.copy()
+    out[known] = np.abs(ratio - np.median(ratio, 0)).max(1) < OTHER
+    return out
 
 
 def bottom_of(region: np.ndarray) -> np.ndarray:
@@ -214,9 +227,9 @@ def torso(images: np.ndarray, person: np.ndarray, inpaint_masks: np.ndarray) -> 
         return None
     visible = np.stack(views)
     colour = rounded(known_median(np.stack(colours), visible))
-    alike = [cv2.absdiff(one, colour).max(2) < AGREED for one in colours]
+    same = [cv2.absdiff(one, colour).max(2) < AGREED for one in colours]
     often = visible.mean(0)
-    agreed = (visible & alike).mean(0) >= often / 2
+    agreed = (visible & same).mean(0) >= often / 2
     return Torso(
         colour=colour,
         share=known_median(np.stack(shares)[..., None], visible)[..., 0] / 255,

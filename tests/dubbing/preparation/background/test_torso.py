@@ -75,6 +75,23 @@ def test_light_beside_the_mask_goes_on_in_it_without_a_seam() -> None:
     assert np.abs(apart[lower].mean(0)).max() < 5
 
 
+def test_what_lies_beside_the_mask_and_is_no_torso_lights_nothing() -> None:
+    """As a collar that moved: its colours would go on in the mask as a bright spot."""
+    assert FOUND is not None
+    image, _, _, inpaint_mask = FRAMES[2]
+    motion = FOUND.motion(image)
+    assert motion is not None
+    box, wall = (slice(4, 250), slice(60, 200)), np.full((246, 140, 3), 90, np.float32)
+    for colour in (255, 0):
+        other = image.copy()
+        other[140:160, 190:200] = colour
+        other[171:176, 100:120] = colour
+        both = [FOUND.fill(one, inpaint_mask, wall, motion, box)[0] for one in (image, other)]
+        plain, filled = (one[inpaint_mask[box]].astype(int) for one in both)
+        assert np.abs(plain - filled).mean() < 1.5  # 4.5 where all of it counts
+        assert (np.abs(plain - filled) > 40).mean() < 0.005
+
+
 def test_motion_is_found_and_a_blank_is_not_followed() -> None:
     assert FOUND is not None
     moved = np.roll(FRAMES[6][0], (3, -5), (0, 1))
