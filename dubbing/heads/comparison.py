@@ -18,12 +18,14 @@ import torch
 from dfrf.cameras import Camera
 from dfrf.method_interface import Maps, Method
 from dfrf.workers import Workers
+from dubbing.compositing import lip_colour
 from dubbing.compositing.face_mask import lower_share
 from dubbing.compositing.grade import graded_colours, measured, noticed
 from dubbing.compositing.jaw_line import ANGLES, beside
 from dubbing.face.face_contour import face_contour, face_region
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
 from dubbing.face.mouth.lip_region import lip_region
+from dubbing.face.mouth.mouth_shape import INNER_LIP, OUTER_LIP
 from dubbing.face.nose_region import nose_region
 from dubbing.identity.dataset import lip_points, upper_face_expression
 from dubbing.media import read_frames
@@ -59,6 +61,7 @@ class Compared:
         face: (H, W) bool, all of the face beside the lips. nose: (H, W) bool.
         jaw: (K,) px of the crop, see `compositing.jaw_line.beside`.
         grade: (4,) of the film, see `compositing.grade.measured`.
+        lip_colour: (3,) of the film, see `compositing.lip_colour.measured`.
         zoom: how much larger than one that looks ahead a turned face is here; 1 at least.
     """
 
@@ -71,6 +74,7 @@ class Compared:
     zoom: float = 1.0
     jaw: np.ndarray = field(default_factory=lambda: np.full(len(ANGLES), np.nan))
     grade: np.ndarray = field(default_factory=lambda: np.full(4, np.nan))
+    lip_colour: np.ndarray = field(default_factory=lambda: np.full(3, np.nan))
 
 
 def to_face(landmarks: np.ndarray) -> np.ndarray:
@@ -121,10 +125,11 @@ def compare(
     )
     rest = ratio - middle - light / (around[..., None] + 0.02)
     rest -= shade(rest, solid & ~lips, SHADE)
-    apart = np.abs(rest).max(-1) * solid
+    apart = (np.abs(rest).max(-1) * solid).astype(np.float32)
     beside = solid & ~lips
     seen = beside & lower, lips & lower, beside, nose_region(points, side)[:H, :W]
-    return Compared(picture, apart.astype(np.float32), *seen, grade=grade)
+    of_lips = lip_colour.measured(rest * solid[..., None], points[[*OUTER_LIP, *INNER_LIP]])
+    return Compared(picture, apart, *seen, grade=grade, lip_colour=of_lips)
 
 
 @dataclass(frozen=True)

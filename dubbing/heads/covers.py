@@ -19,6 +19,7 @@ from dfrf.model_interface import HeadModel
 from dfrf.presets import method_of
 from dubbing.compositing.grade import NEUTRAL, grades
 from dubbing.compositing.jaw_line import ANGLES, jaw_lines
+from dubbing.compositing.lip_colour import SAME, lip_colour
 from dubbing.engine.disk.files import atomic_path
 from dubbing.engine.graph.stage import Progress
 from dubbing.face.finding.hand_finder import HandFinder
@@ -94,7 +95,7 @@ def find_covers(
     """
     over: dict[int, Cover] = {}
     jaw, grade = np.zeros((len(clip), len(ANGLES)), np.float32), np.tile(NEUTRAL, (len(clip), 1))
-    clip = replace(clip, jaw=jaw, grade=grade)
+    clip = replace(clip, jaw=jaw, grade=grade, lip_colour=np.tile(SAME, (len(clip), 1)))
     if method_of(model).refines_poses:
         with torch.no_grad():
             clip, over = _covers(model, maps, clip, progress)
@@ -118,6 +119,7 @@ def find_covers(
             landmarks=clip.landmarks,
             jaw=np.asarray(clip.jaw),
             grade=np.asarray(clip.grade),
+            lip_colour=np.asarray(clip.lip_colour),
         )
     return replace(clip, overlay=out / COVERS_FILE, over=shows)
 
@@ -134,6 +136,7 @@ def _covers(
     over: dict[int, Cover] = {}
     hidden: set[int] = set()
     jaw, grade = np.zeros((len(clip), len(ANGLES)), np.float32), np.tile(NEUTRAL, (len(clip), 1))
+    lips = np.tile(SAME, (len(clip), 1))
     # From where it was never seen, a head explains nothing.
     known = (trust(torch.from_numpy(clip.c2w()).float(), maps) > 0).numpy()
     covered = clip.covered & ~(clip.valid & known)
@@ -173,8 +176,10 @@ def _covers(
                     over[t] = cover
                 elif is_large(seen, sure & unexplained(seen, usual)) or t in awry:
                     hidden.add(t)
+        shown = [k for k, t in enumerate(some) if t not in over and t not in hidden]
+        lips[frames] = lip_colour([looked[k].lip_colour for k in shown])
     covered[list(lasting(hidden, BRIEF * float(clip.rate)))] = True
-    return replace(clip, jaw=jaw, grade=grade, covered=covered), over
+    return replace(clip, jaw=jaw, grade=grade, lip_colour=lips, covered=covered), over
 
 
 def told_apart(

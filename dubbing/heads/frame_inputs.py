@@ -62,6 +62,7 @@ def made_of(inputs: FrameInputs, clip: PreparedClip, poses: np.ndarray) -> list[
         "predicted_lips": inputs.predicted_lips.unfold(0, around, 1),
         "landmarks": clip.landmarks[poses],
         "valid": clip.valid[poses],
+        "lip_colour": None if clip.lip_colour is None else clip.lip_colour[poses],
     }
 
     def plain(value: object, k: int) -> object:

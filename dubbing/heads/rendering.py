@@ -14,10 +14,12 @@ from dfrf.method_interface import FrameInputs, Maps
 from dfrf.model_interface import HeadModel
 from dfrf.presets import method_of
 from dubbing.compositing.face_mask import rendered_region
+from dubbing.compositing.lip_colour import SAME, with_lip_colour
 from dubbing.engine.disk.pieces import Pieces
 from dubbing.engine.graph.stage import Progress
 from dubbing.errors import CheckpointError
 from dubbing.heads.frame_inputs import SpeechPart, head_inputs, inputs_of, made_of
+from dubbing.heads.shown_lips import shown_lips
 from dubbing.identity.lip_scale import Scale
 from dubbing.media import VideoWriter, read_frames
 from dubbing.preparation.crops.threads import in_order
@@ -129,6 +131,8 @@ def heads_of(
     Those that are not `wanted` (F,) are blank; the speech codes of all of them are computed, so
     that the others do not depend on how many these are.
     """
+    colours = np.tile(SAME, (len(poses), 1)) if clip.lip_colour is None else clip.lip_colour[poses]
+    lips = shown_lips(person, maps, inputs) if colours.any() else None
     shown = np.zeros((len(poses), clip.size, clip.size), bool)
     some = slice(None) if wanted is None else wanted
     shown[some] = regions_of(clip, poses[some])
@@ -136,7 +140,11 @@ def heads_of(
     rendered = method_of(person).render_frames(replace(inputs, regions=regions), maps)
     blank = np.zeros((clip.size, clip.size, 4), np.uint8)
     for k, (colour, opacity) in enumerate(rendered):
-        yield to_rgba(colour, opacity) if wanted is None or wanted[k] else blank
+        if wanted is not None and not wanted[k]:
+            yield blank
+            continue
+        head = to_rgba(colour, opacity)
+        yield head if lips is None else with_lip_colour(head, lips[k], colours[k])
 
 
 def _with_kept(

@@ -30,7 +30,7 @@ def seen_by_head(clip: PreparedClip, folder: Path) -> PreparedClip:
         PreparationError: there are none, or they are of another clip.
     """
     clip = with_refined_poses(clip, folder)
-    names = "over", "covered", "landmarks", "jaw", "grade"
+    names = "over", "covered", "landmarks", "jaw", "grade", "lip_colour"
     kept = _kept(clip, folder / COVERED_FILE, *names)
     found: dict[str, Any] = dict(zip(names, kept, strict=True))
     return replace(clip, overlay=folder / COVERS_FILE, **found)

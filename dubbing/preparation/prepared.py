@@ -90,7 +90,8 @@ class PreparedClip:
             outer eye corners 0.9 apart, origin between the ears.
         jaw: (T, K) px by which the film's jaw line lies beyond the learned head's; see
             `compositing.jaw_line.beside`. grade: (T, 3) of the film beside the head, see
-            `compositing.grade`. None of a film that it was not compared with.
+            `compositing.grade`. lip_colour: (T, 3), the same of its lips, see
+            `compositing.lip_colour`. None of a film that it was not compared with.
     """
 
     folder: Path
@@ -123,6 +124,7 @@ class PreparedClip:
     overlay: Path | None = None
     jaw: np.ndarray | None = None
     grade: np.ndarray | None = None
+    lip_colour: np.ndarray | None = None
 
     def __len__(self) -> int:
         return self.frames_count

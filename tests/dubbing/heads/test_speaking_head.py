@@ -13,7 +13,9 @@ from dfrf.method_interface import Maps
 from dfrf.training.fit import fit
 from dubbing.face.finding.landmarks import FaceMesh
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
+from dubbing.face.mouth.mouth_shape import OUTER_LIP
 from dubbing.heads import fine_tuning, initial_model, rendering
+from dubbing.heads.frame_inputs import inputs_of
 from dubbing.identity.clip_frames import ClipFrames
 from dubbing.identity.dataset import load_identity
 from dubbing.identity.finetune_settings import FinetuneSettings
@@ -122,3 +124,25 @@ def test_other_words_fit_worse(head: Head, pictures: list[np.ndarray]) -> None:
     late = 20  # frames
     other = SpeechFrames(np.roll(head.speech.windows, late, 0), np.roll(head.speech.lips, late, 0))
     assert head.agreement(head.speaking(other)) < head.agreement(pictures) - 0.3
+
+
+def test_lips_of_another_colour_are_where_the_head_shows_lips(head: Head) -> None:
+    """As of a film with lipstick; what is heard decides where they are."""
+    poses = np.arange(TESTED.start, TESTED.start + 6)
+    inputs = inputs_of(head.model, head.clip, head.speech, np.arange(len(head.clip)), 0, len(poses))
+    dark = replace(head.clip, lip_colour=np.tile([-0.1, -0.9, -0.5], (len(head.clip), 1)))
+    plain, made = (
+        np.stack(list(rendering.heads_of(head.model, head.maps, inputs, clip, poses))).astype(int)
+        for clip in (head.clip, dark)
+    )
+    less = (plain - made)[..., 1] > 20
+    rows, columns = np.nonzero(less.any(0))
+    lips = head.clip.landmarks[poses][:, list(OUTER_LIP)]
+    low, high = lips.min((0, 1)) - 4, lips.max((0, 1)) + 4
+    assert less.sum((1, 2)).min() > 20
+    assert low[0] < columns.min() < columns.max() < high[0]
+    assert low[1] < rows.min() < rows.max() < high[1]
+    # Lips are redder than skin: where they were found, they are.
+    red = plain[..., 0] / np.maximum(plain[..., 1], 1)
+    beside = (plain[..., 3] == 255) & ~less
+    assert np.median(red[less]) > 1.1 * np.median(red[beside])
