@@ -30,7 +30,7 @@ INSIDE, OUTSIDE = 13.0, 3.0
 # the eyes, 1 at the base of the nose.
 ABOVE, BELOW = 0.4, 0.8
 # px beside the nose within which its own pixels fade: words hardly move it, light and nostrils are
-# the film's.
+# the film's. At most half of the way to the lips: of a head that nods little is between them.
 BESIDE_NOSE = 12.0
 UPPER_LIP_TOP = 0  # of FaceMesh
 # Least length of that line, in eye distances: it is 0 for a nose that points at the camera.
@@ -80,7 +80,9 @@ def beside_nose(landmarks: np.ndarray, part: Part, size: int) -> np.ndarray:
     if not other.size:
         return other
     away = cv2.distanceTransform(other, cv2.DIST_L2, 5)
-    return np.clip(away / (BESIDE_NOSE * size / REFERENCE_SIZE), 0, 1)
+    to_lips = float(np.linalg.norm(landmarks[UPPER_LIP_TOP] - landmarks[NOSE_BASE]))
+    width = min(BESIDE_NOSE * size / REFERENCE_SIZE, to_lips / 2)
+    return np.clip(away / max(width, 1.0), 0, 1)
 
 
 def rendered_region(landmarks: np.ndarray, size: int) -> np.ndarray:

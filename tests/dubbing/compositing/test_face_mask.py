@@ -74,20 +74,30 @@ def test_it_rises_all_the_way_from_the_eyes_to_the_mouth() -> None:
     assert np.diff(columns, axis=0).max() < 40  # no hard edge across the cheeks
 
 
+def with_nose(points: np.ndarray) -> np.ndarray:
+    """The face with a nose: a triangle from between the eyes to its base, 24 px wide."""
+    points[list(mesh_points.NOSE)] = (128 + 12, 128 + NOSE)
+    points[list(mesh_points.NOSE)[:2]] = (128, 128 + EYES), (128 - 12, 128 + NOSE)
+    return points
+
+
 def test_the_nose_is_the_films_own() -> None:
     """Words hardly move it; light and nostrils are those of the frame."""
-    points = landmarks()
-    wings = points[list(mesh_points.NOSE)]
-    wings[::2], wings[1::2] = (128 - 12, 128 + NOSE), (128 + 12, 128 + NOSE)
-    wings[0] = 128, 128 + EYES
-    points[list(mesh_points.NOSE)] = wings
-    share, without = mask_of(points, S), mask_of(landmarks(), S)
+    share, without = mask_of(with_nose(landmarks()), S), mask_of(landmarks(), S)
     below = 128 + NOSE + round(BESIDE_NOSE * S / 512) + 1
     assert (share[below:] == without[below:]).all()
     assert (share[128 + NOSE, 128 - 12 : 128 + 13] == 0).all()
     rise = share[128 + NOSE : below, 128].astype(int)
     assert (np.diff(rise) > 0).all()
     assert share[128 + NOSE, 128 + 30] == without[128 + NOSE, 128 + 30] > 0
+
+
+def test_lips_just_below_the_nose_are_replaced() -> None:
+    """Of a head that nods."""
+    points = with_nose(landmarks())
+    points[list(OUTER_LIP)] = [128, 128 + NOSE + 4]
+    share = mask_of(points, S)
+    assert share[128 + NOSE + 4, 128] == 255 > share[128 + NOSE + 1, 128]
 
 
 def test_a_cheek_that_a_turned_head_shows_is_the_films_own() -> None:
