@@ -154,7 +154,10 @@ def room_below(image: np.ndarray, low: np.ndarray, jaw: np.ndarray) -> np.ndarra
     face = (row < low - 3 * BELOW * unit) & (row > low - MAX_NECK_PX * unit) & jaw
     if not face.any():
         return out
-    usual = np.median(light[face])
+    # A lamp from the side leaves columns dark, the neck as the face above it.
+    lit, usual = face.any(0), np.full(len(low), np.median(light[face]))
+    own = np.ma.median(np.ma.array(light, mask=~face), 0)[lit].filled(0)
+    usual[lit] = np.minimum(usual[lit], gaussian_filter1d(own, EVEN * unit, mode="nearest"))
     pale = np.where(light < usual, SHADED, SKIN)
     dark, gap, below = light < DARK * usual, light < GAP * usual, row >= low
     unlike = red < np.median(red[face]) - pale

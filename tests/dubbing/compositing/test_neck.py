@@ -78,6 +78,18 @@ def test_a_deep_shadow_in_the_middle_of_a_neck_is_neck() -> None:
     assert (made[S // 2 + 92, middle] != GROWN).any(1).all()
 
 
+def test_a_neck_that_a_lamp_from_the_side_leaves_dark_is_neck() -> None:
+    image, background, matte, contour = scene()
+    dark = np.where(np.arange(S) > S / 2, 0.15, 1.0)[:, None]
+    image, background = ((one * dark).round().astype(np.uint8) for one in (image, background))
+    neck = Neck.of(image, matte, contour)
+    half = slice(S // 2 + 20, S // 2 + 38)
+    assert (neck.room[half] > 0.7 * neck.room[S // 2 - 30]).all()
+    made, _ = with_neck(image, background, neck, disc(90))
+    below = made[S // 2 + 92, half].astype(int)
+    assert np.abs(below - 0.15 * np.array(SKIN)).max() < 6
+
+
 def test_a_chin_on_the_collar_changes_nothing() -> None:
     image, background, matte, contour = scene()
     made, where = with_neck(image, background, Neck.of(image, matte, contour), disc(COLLAR - 3))
