@@ -18,6 +18,7 @@ import numpy as np
 from dubbing import media
 from dubbing.batch import task as batch_task
 from dubbing.compositing.grade import NEUTRAL
+from dubbing.compositing.lip_colour import SAME
 from dubbing.engine.disk.files import atomic_write_json, atomic_write_text
 from dubbing.engine.running import task
 from dubbing.errors import PreparationError
@@ -200,8 +201,9 @@ def install(patch: Any) -> None:
         clip = self.prepared.load()
         np.savez(out / "poses.npz", c2w=clip.c2w())
         found = {name: getattr(clip, name) for name in ("over", "covered", "landmarks")}
-        jaw, grade = np.zeros((len(clip), 48)), np.tile(NEUTRAL, (len(clip), 1))
-        np.savez(out / "covers.npz", allow_pickle=False, jaw=jaw, grade=grade, **found)
+        found |= {"jaw": np.zeros((len(clip), 48)), "grade": np.tile(NEUTRAL, (len(clip), 1))}
+        found |= {"lip_colour": np.tile(SAME, (len(clip), 1))}
+        np.savez(out / "covers.npz", allow_pickle=False, **found)
 
     def compose(self: Composite, out: Path, progress: Any) -> None:
         def reporting(message: str, share: float) -> None:

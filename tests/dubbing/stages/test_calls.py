@@ -148,7 +148,7 @@ def test_speech_then_heads(clip: Path, tmp_path: Path, monkeypatch: pytest.Monke
     c2w = np.random.default_rng(0).normal(size=(30, 3, 4))
     np.savez(tmp_path / "poses.npz", c2w=c2w)
     none = np.zeros(30, bool)
-    sizes = {"landmarks": (478, 2), "jaw": (48,), "grade": (3,)}
+    sizes = {"landmarks": (478, 2), "jaw": (48,), "grade": (3,), "lip_colour": (3,)}
     found = {name: np.zeros((30, *size)) for name, size in sizes.items()}
     np.savez(tmp_path / "covers.npz", allow_pickle=False, over=none, covered=none, **found)
     render(tmp_path, clip).run(out, quiet)
