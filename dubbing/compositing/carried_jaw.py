@@ -47,6 +47,7 @@ MOUTH, INSIDE, NEAR, BELOW = (18.0, 36.0), (5.0, 24.0), (14.0, 46.0), 0.06
 BESIDE, CLOTHES = (14.0, 20.0), (0.0, 2.0)
 RIM = (3.0, 6.0)  # px inside a matte's edge up to which it may hold clothes by error
 PALE, SOFT = 0.05, 0.8  # how much lower their share of red is than the face's; px of their edge
+VAGUE = 80.0  # grey levels, of all channels together, of the face's red that are added to a pixel
 INPAINTED = (8.0, 20.0)  # px below what lies over a face, over which its continuation fades
 HALF = 127  # of 255
 STEP = 4.0  # px of a way
@@ -224,10 +225,14 @@ def remapped(
 
 
 def of_another_red(image: np.ndarray, face: np.ndarray) -> np.ndarray:
-    """Pixels (H, W) bool of an image (H, W, 3) uint8 that are less red than a face (H, W) bool."""
+    """Pixels (H, W) bool of an image (H, W, 3) uint8 that are less red than a face (H, W) bool.
+
+    The darker a pixel, the less its colours say: below a chin, they are those of compression.
+    """
     smooth = cv2.blur(image, (3, 3)).astype(np.float32) + 1
-    red = smooth[..., 0] / cv2.transform(smooth, np.ones((1, 3)))
-    return np.asarray(red < (np.median(red[face]) if face.any() else 0) - PALE)
+    light = cv2.transform(smooth, np.ones((1, 3)))
+    usual = float(np.median((smooth[..., 0] / light)[face])) if face.any() else 0.0
+    return np.asarray((smooth[..., 0] + VAGUE * usual) / (light + VAGUE) < usual - PALE)
 
 
 def swept(region: np.ndarray, motion: np.ndarray) -> np.ndarray:

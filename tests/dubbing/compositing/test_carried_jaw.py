@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dubbing.compositing import carried_jaw
-from dubbing.compositing.carried_jaw import CarriedHead, FilmFace
+from dubbing.compositing.carried_jaw import CarriedHead, FilmFace, of_another_red
 from dubbing.compositing.jaw_line import ANGLES
 from dubbing.compositing.jaw_opening import moving_share, touching
 from dubbing.face.face_contour import face_contour
@@ -226,3 +226,19 @@ def test_a_mouth_outside_of_the_picture_changes_nothing() -> None:
     face = FilmFace(IMAGE, disc(), None, away, face_contour(away, S))
     assert not face.motion_to(disc(), None).any()
     assert not face.carried(of_one_colour(disc()), ALL, np.zeros(2), FREE, FREE).share.any()
+
+
+def test_deep_shade_on_dark_skin_is_no_cloth() -> None:
+    face = np.zeros((24, 24), bool)
+    face[:12] = True
+    for skin, below, other in (
+        ((72, 46, 30), (13, 10, 12), False),  # the shade of its chin
+        ((200, 130, 110), (30, 30, 36), True),  # a black shirt
+        ((200, 130, 110), (230, 230, 240), True),
+        ((72, 46, 30), (230, 230, 240), True),
+    ):
+        image = np.full((24, 24, 3), skin, np.uint8)
+        image[12:] = below
+        found = of_another_red(image, face)
+        assert not found[:11].any()
+        assert (found[13:] == other).all()
