@@ -7,8 +7,7 @@ export OMP_WAIT_POLICY ?= PASSIVE
 .PHONY: install demo docs test test-fast attack check bench gpu results true-dubs paper-tables speech-table lock
 .PHONY: clean verdict-table
 
-# Python compiles what is imported, once; that is an eighth of all.
-INSTALL := $(BIN)/python -m pip install -q --no-compile --disable-pip-version-check
+INSTALL := $(BIN)/python -m pip install -q --disable-pip-version-check
 
 # pyproject.toml gives ranges, constraints.txt what was tested.
 .venv/installed: constraints.txt pyproject.toml
@@ -24,7 +23,7 @@ INSTALL := $(BIN)/python -m pip install -q --no-compile --disable-pip-version-ch
 # older numpy and a second OpenCV, so it has an environment of its own, where Python looks last.
 .venv/installed-parity: .venv/installed-dev
 	$(PYTHON) -m venv .venv/parity
-	.venv/parity/bin/python -m pip install -q --no-compile --disable-pip-version-check mediapipe==0.10.21
+	.venv/parity/bin/python -m pip install -q --disable-pip-version-check mediapipe==0.10.21
 	(cd .venv/lib/python*/site-packages && echo ../../../parity/lib/python*/site-packages > parity.pth)
 	touch $@
 
