@@ -75,7 +75,7 @@ def face_mask(landmarks: np.ndarray, contour: FaceContour) -> np.ndarray:
 
 
 def beside_nose(landmarks: np.ndarray, part: Part, size: int) -> np.ndarray:
-    """0 on the nose, 1 from `BESIDE_NOSE` px on beside it, (H, W) in a part of an image."""
+    """0 on the nose, 1 beside it from `BESIDE_NOSE` px on at the latest, (H, W) in a part."""
     other = (~nose_region(landmarks, size))[part].astype(np.uint8)
     if not other.size:
         return other

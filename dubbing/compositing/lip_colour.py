@@ -1,4 +1,4 @@
-"""The colour of a film's lips beside those of the learned head: lipstick, or lips in other light.
+"""The colour of a film's lips beside those of the learned head: lipstick.
 
 Where film and head show the same face with the same lips, what the light leaves of the ratio of
 their colours is the lips' own. It is a logarithm for red, green and blue, (3,); `SAME` changes
