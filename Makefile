@@ -3,6 +3,8 @@ PYTHON ?= python3.11
 BIN := .venv/bin
 # Two threads that spin on one busy core are ten times slower than two that wait.
 export OMP_WAIT_POLICY ?= PASSIVE
+# Where the environment says that Python keeps no bytecode, each of the tests' processes compiles all of it.
+export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: install demo docs test test-fast attack check bench gpu results true-dubs paper-tables speech-table lock
 .PHONY: clean verdict-table
@@ -20,11 +22,10 @@ INSTALL := $(BIN)/python -m pip install -q --disable-pip-version-check
 	touch $@
 
 # The library that the networks for faces come from, for the tests that compare both. It asks for an
-# older numpy and a second OpenCV, so it has an environment of its own, where Python looks last.
+# older numpy and a second OpenCV, which it works without: it comes alone, where Python looks last.
 .venv/installed-parity: .venv/installed-dev
-	$(PYTHON) -m venv .venv/parity
-	.venv/parity/bin/python -m pip install -q --disable-pip-version-check mediapipe==0.10.21
-	(cd .venv/lib/python*/site-packages && echo ../../../parity/lib/python*/site-packages > parity.pth)
+	$(INSTALL) --no-deps --upgrade --target .venv/parity mediapipe==0.10.21
+	(cd .venv/lib/python*/site-packages && echo ../../../parity > parity.pth)
 	touch $@
 
 install: .venv/installed
