@@ -19,3 +19,8 @@ os.environ["XDG_CONFIG_HOME"] = os.environ["XDG_CACHE_HOME"] = SETTINGS.name
 def pytest_runtest_setup() -> None:
     """Before the fixtures of a test."""
     BUDGET.begin()
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The slow tests come first: one that begins last would be waited for by an idle process."""
+    items.sort(key=lambda item: item.get_closest_marker("slow") is None)

@@ -113,8 +113,20 @@ def templates(code: Code) -> np.ndarray:
     return spectra
 
 
+def template_of(code: Code, bits: np.ndarray) -> np.ndarray:
+    """Conjugate spectrum (1, T, T // 2 + 1) of the signs of all cells, with these bits (B,)."""
+    signs = code.signs * np.where(bits > 0, 1, -1)[code.owners]
+    spectrum: np.ndarray = np.conj(fft.rfft2(signs.astype(np.float32)))
+    return spectrum[None]
+
+
 def strongest(folded: np.ndarray, spectra: np.ndarray, code: Code) -> tuple[float, np.ndarray]:
-    """S of the best shift, and the 64 correlations there in standard deviations."""
+    """S of the best shift, and the 64 correlations there in standard deviations.
+
+    Args:
+        folded: see `fold`.
+        spectra: `templates`, or `template_of` bits: the best shift is then the one that shows them.
+    """
     best = (0.0, np.zeros(BITS))
     for phase in folded.reshape(-1, TILE, TILE):
         spread = float(np.mean(phase**2)) * (TILE * TILE // BITS)

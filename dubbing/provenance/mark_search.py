@@ -29,6 +29,7 @@ from dubbing.provenance.mark_match import (
     candidates,
     match_at,
     refine_match,
+    template_of,
     templates,
 )
 from dubbing.provenance.mark_sums import BINS, by_phase, pieces
@@ -75,11 +76,12 @@ def search(
     scale, shift and window.
 
     Args:
-        wanted: (64,) bits that all are to have: the search ends as soon as they are read, and
-            does without the latter.
+        wanted: (64,) bits that all are to have: places are chosen by what shows them, which takes
+            one correlation for 64; the search ends as soon as they are read, and does without
+            the latter.
     """
     codes = [Code.of(key) for key in keys]
-    searches = [Search(code) for code in codes]
+    searches = [Search(code, wanted) for code in codes]
     count, searched, last, whole = 0, 0, deque[np.ndarray](maxlen=PIECES_TOGETHER), None
     for bins, added in pieces(frames, rate):
         count, searched = count + added, searched + 1
@@ -110,8 +112,9 @@ def limit_of(searched: int) -> float:
 class Search:
     """The search for one key's mark, while sums come in."""
 
-    def __init__(self, code: Code) -> None:
-        self._code, self._spectra = code, templates(code)
+    def __init__(self, code: Code, wanted: np.ndarray | None) -> None:
+        self._code = code
+        self._spectra = templates(code) if wanted is None else template_of(code, wanted)
         self.best, self._bins = Match(), np.zeros((BINS, 0, 0), np.float32)
 
     def add(self, bins: np.ndarray) -> None:
