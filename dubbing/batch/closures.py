@@ -39,7 +39,7 @@ def closures_of(cue: Cue, half: HalfSize) -> list[float]:
 def sound_of(cue: Cue) -> voice.Blocks:
     """Gives the sound of a cue in blocks."""
     rate, start, seconds = voice.SAMPLE_RATE, cue.audio_start, cue.seconds
-    return lambda: media.iter_audio(cue.audio, rate=rate, start=start, seconds=seconds)
+    return media.sound_blocks(cue.audio, rate=rate, start=start, seconds=seconds)
 
 
 def _beside(at: float, cue: Cue, frames: int) -> slice:

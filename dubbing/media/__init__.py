@@ -16,6 +16,7 @@ from dubbing.media.reading.reading import (
     read_frames,
     read_planes,
 )
+from dubbing.media.reading.sound_blocks import sound_blocks
 from dubbing.media.writing.muxing import SOUND, cut, mux, proxy
 from dubbing.media.writing.writing import CODECS, SUFFIX, VideoWriter
 
@@ -39,5 +40,6 @@ __all__ = [
     "read_audio",
     "read_frames",
     "read_planes",
+    "sound_blocks",
     "version",
 ]

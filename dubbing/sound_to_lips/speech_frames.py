@@ -72,6 +72,4 @@ def lips_of_file(path: Path, *, start: float = 0.0, seconds: float | None = None
     Raises:
         MediaError: the file is missing, unreadable or has no audio.
     """
-    return predict(
-        lambda: media.iter_audio(path, rate=voice.SAMPLE_RATE, start=start, seconds=seconds)
-    )
+    return predict(media.sound_blocks(path, rate=voice.SAMPLE_RATE, start=start, seconds=seconds))

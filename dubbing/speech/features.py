@@ -4,7 +4,6 @@ Letters: N samples at 16 kHz, T steps of 20 ms, D feature values, F video frames
 A new kind is a class with the members of `SpeechFeatures`, and a case of `features_by_name`.
 """
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Protocol
 
@@ -129,14 +128,12 @@ def features_of_file(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Features (T, D) and voice activity (T,) of an audio file or of a video's audio.
 
-    It is read in blocks, so memory grows by the features only (58 MB an hour for mel).
+    A long one is read in blocks: memory grows by the features only (58 MB an hour for mel).
 
     Raises:
         MediaError: the file is missing, unreadable or has no audio.
     """
     from dubbing import media
 
-    def blocks() -> Iterable[np.ndarray]:
-        return media.iter_audio(path, rate=voice.SAMPLE_RATE, start=start, seconds=seconds)
-
+    blocks = media.sound_blocks(path, rate=voice.SAMPLE_RATE, start=start, seconds=seconds)
     return features.extract_blocks(blocks), voice.voice_activity_of_blocks(blocks)

@@ -197,7 +197,7 @@ def published_check(video: Path, weights: Path) -> SyncResult:
     facts = Media(info.frames, str(info.rate), info.duration, info.sound_seconds, 0.0, 0.0)
     if info.audio_rate is None:
         return SyncResult("unjudged", "no sound in it", METHOD, facts)
-    voice = voice_activity_of_blocks(lambda: media.iter_audio(video, rate=SAMPLE_RATE))
+    voice = voice_activity_of_blocks(media.sound_blocks(video, rate=SAMPLE_RATE))
     tracks = track_boxes(video, frames)
     measured = {}
     for track, boxes in tracks.items():
