@@ -28,7 +28,7 @@ from dubbing.heads.initial_model import init_from_base, training_settings
 from dubbing.heads.pose_refinement import refined
 from dubbing.identity.best_seconds import choose_frames, parts_of
 from dubbing.identity.clip_frames import ClipFrames, with_turned
-from dubbing.identity.dataset import load_identity
+from dubbing.identity.dataset import lip_points, load_identity
 from dubbing.identity.finetune_settings import FinetuneSettings
 from dubbing.identity.learned import CURVE_FILE, MODEL_FILE, SUMMARY_FILE
 from dubbing.identity.reference_choice import choose_references, turns_far
@@ -178,10 +178,14 @@ def learn(
             None if references is None else method.maps(method.reference_views(person, references))
         )
         method.bake_for_poses(person, maps)
-        posed = np.concatenate(
-            [refined(model, maps, one.clip, one.with_face).c2w()[one.with_face] for one in footage]
+        clips = [(refined(model, maps, one.clip, one.with_face), one.with_face) for one in footage]
+        posed = np.concatenate([clip.c2w()[frames] for clip, frames in clips])
+        person = replace(
+            person,
+            c2w=torch.from_numpy(posed).float(),
+            # Where lips are in a head is told by its pose.
+            lip_points=torch.cat([lip_points(clip, frames) for clip, frames in clips]),
         )
-        person = replace(person, c2w=torch.from_numpy(posed).float())
     rest = presets.with_iterations(config, config.iterations - first)
     # Speech is learned once, and coarse steps come first.
     part(resume, rest if not first else replace(rest, coarse_iterations=0, lip_iterations=0))

@@ -10,14 +10,17 @@ import pytest
 import torch
 
 from dfrf import presets, saved_models
+from dfrf.cameras import project
 from dfrf.config import TrainConfig
 from dfrf.fast.fast_method import FastMethod
 from dfrf.fast.fast_model import FastModel
+from dfrf.field.mouth_pixels import region
 from dfrf.training.progress import TrainingProgress
 from dubbing.errors import CheckpointError, TrainingError
 from dubbing.heads import fine_tuning as finetuning
 from dubbing.heads.fine_tuning import learn
 from dubbing.heads.initial_model import init_from_base, training_settings
+from dubbing.identity.dataset import LIPS, mean_face
 from dubbing.identity.finetune_settings import FRONT_STEPS, TURNED_STEPS, FinetuneSettings
 from dubbing.speech import features
 from tests import clips, fakes
@@ -90,6 +93,39 @@ def footage_of(frames: range) -> Any:
     return SimpleNamespace(clip=object(), with_face=np.array(frames))
 
 
+def test_lips_are_measured_in_the_poses_that_were_refined(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A crop that is read where its head no longer is would show the mouth beside its place."""
+    (tmp_path / "prepared").mkdir()
+    path = clips.write_clip(tmp_path / "clip.mp4", 6)
+    clip = fakes.write_prepared(path, tmp_path / "prepared")
+    cameras = clip.c2w()
+    cameras[:, 1, 3] += 0.2
+    turned = clip.with_poses(cameras)
+    monkeypatch.setattr(finetuning, "refined", lambda *of: turned)
+    someone = person()
+    footage: Any = SimpleNamespace(clip=clip, with_face=np.arange(6))
+    config = TrainConfig(iterations=4, rays=64, frames=4)
+    posed, _ = learn(
+        presets.build(small_config()),
+        someone,
+        [footage],
+        config,
+        torch.tensor([0, 5]),
+        tmp_path / "resume",
+        "cpu",
+        None,
+    )
+    place = region(mean_face(clip, LIPS))[0]
+    unit = clip.focal / (posed.c2w[:, :, 3] - place).norm(dim=-1)[:, None, None]
+    mean = project(
+        mean_face(clip, LIPS), posed.c2w, float(clip.focal), torch.from_numpy(clip.centre).float()
+    )
+    seen = clip.landmarks[:, list(LIPS)]
+    np.testing.assert_allclose(mean + posed.lip_points * unit, seen, atol=1e-2)
+
+
 def test_poses_are_refined_after_a_quarter_of_the_steps_and_learned_from(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -114,6 +150,7 @@ def test_poses_are_refined_after_a_quarter_of_the_steps_and_learned_from(
 
     monkeypatch.setattr(finetuning, "fit", noted)
     monkeypatch.setattr(finetuning, "refined", refined)
+    monkeypatch.setattr(finetuning, "lip_points", lambda clip, frames: someone.lip_points[frames])
     config = TrainConfig(iterations=8, rays=64, frames=4, lip_iterations=2)
     references = torch.tensor([0, 5])
     model = presets.build(small_config())
