@@ -1,5 +1,6 @@
 """Small images of dubs, by which one finds them on the page."""
 
+from contextlib import suppress
 from pathlib import Path
 
 from dubbing import media
@@ -16,13 +17,13 @@ def thumbnail_of(video: Path, frame: int, work: Path) -> Path | None:
     It is made anew where the video is newer.
     """
     path = work / THUMBNAILS / f"{video.stem}.jpg"
-    try:
-        if not path.is_file() or path.stat().st_mtime < video.stat().st_mtime:
-            make_folder(path.parent)
-            atomic_write_bytes(path, _image(video, frame))
-    except (ExplainedError, OSError):
-        return None
-    return path
+    for _ in range(2):  # what fails once, as where memory runs out for a moment, is made again
+        with suppress(ExplainedError, OSError):
+            if not path.is_file() or path.stat().st_mtime < video.stat().st_mtime:
+                make_folder(path.parent)
+                atomic_write_bytes(path, _image(video, frame))
+            return path
+    return None
 
 
 def _image(video: Path, frame: int) -> bytes:

@@ -26,7 +26,7 @@ pytestmark = pytest.mark.medium
 def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     fakes.install(monkeypatch.setattr)
     clips.write_clip(tmp_path / "ann.mp4", 30)
-    clips.write_sound(tmp_path / "it.wav", 1.0)
+    clips.write_sound(tmp_path / "it.wav", 1.2)  # all of the film is spoken
     return tmp_path
 
 
