@@ -22,10 +22,11 @@ INSTALL := $(BIN)/python -m pip install -q --disable-pip-version-check
 	touch $@
 
 # The library that the networks for faces come from, for the tests that compare both. It asks for an
-# older numpy and a second OpenCV, which it works without: it comes alone, where Python looks last.
+# older numpy and a second OpenCV, so it has an environment of its own, where Python looks last.
 .venv/installed-parity: .venv/installed-dev
-	$(INSTALL) --no-deps --upgrade --target .venv/parity mediapipe==0.10.21
-	(cd .venv/lib/python*/site-packages && echo ../../../parity > parity.pth)
+	$(PYTHON) -m venv .venv/parity
+	.venv/parity/bin/python -m pip install -q --disable-pip-version-check mediapipe==0.10.21
+	(cd .venv/lib/python*/site-packages && echo ../../../parity/lib/python*/site-packages > parity.pth)
 	touch $@
 
 install: .venv/installed

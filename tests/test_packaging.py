@@ -116,17 +116,11 @@ def test_what_the_image_copies_is_there_and_no_registry_is_named() -> None:
 
 
 def test_everything_is_installed_with_what_it_needs_as_it_was_tested() -> None:
-    """No list of packages but the lock: `--no-deps` would need a second one.
-
-    Mediapipe alone asks for what cannot be installed here. What it needs is in the lock, too.
-    """
+    """No list of packages but the lock: `--no-deps` would need a second one."""
     places = ("Makefile", "Containerfile", "README.md", "CONTRIBUTING.md", ".ci/run")
     documents = [ROOT / name for name in places] + [*(ROOT / "docs").rglob("*.md")]
-    lines = [line for path in documents for line in path.read_text(encoding="utf-8").splitlines()]
-    assert [line.split()[-1] for line in lines if "--no-deps" in line] == ["mediapipe==0.10.21"]
+    assert not [path for path in documents if "--no-deps" in path.read_text(encoding="utf-8")]
     settings = [word for name, words in instructions() if name == "ENV" for word in words]
     assert "PIP_CONSTRAINT=/source/constraints.txt" in settings
     pins = (ROOT / "constraints.txt").read_text().splitlines()
-    needed = {"absl-py", "attrs", "flatbuffers", "matplotlib", "protobuf"}
-    assert needed < {line.split("==")[0] for line in pins}
     assert all(re.fullmatch(r"[\w.-]+==[\w.]+", line) for line in pins if line[0] != "#")
