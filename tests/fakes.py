@@ -92,6 +92,7 @@ def write_prepared(
         noise=np.zeros((frames, 5)),
         segment=np.zeros(frames, int) if segment is None else segment,
         landmarks=np.tile(face(size), (frames, 1, 1)),
+        lip_shift=np.zeros((frames, 40, 2)),
         shape=np.zeros((478, 3)),
     )
     prepared.save()

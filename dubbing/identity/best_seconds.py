@@ -72,7 +72,7 @@ def best_frames(
     traits = []
     for of_clips in (
         [speech.windows[:, speech.windows.shape[1] // 2] for speech in speeches],
-        [lip_measures(np.nan_to_num(clip.frontal_landmarks())) for clip in clips],
+        [lip_measures(np.nan_to_num(clip.spoken().frontal_landmarks())) for clip in clips],
         [clip.c2w()[:, :, 2] for clip in clips],
     ):
         trait = np.concatenate(of_clips)

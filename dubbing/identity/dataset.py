@@ -17,7 +17,7 @@ from dubbing.errors import TrainingError
 from dubbing.face.eyes import eye_axes, upwards
 from dubbing.face.mesh_points import EYE_CORNERS, RIGID
 from dubbing.face.mouth.lip_measures import lip_measures, lips_touch
-from dubbing.face.mouth.mouth_shape import INNER_LIP, OUTER_LIP
+from dubbing.face.mouth.mouth_shape import LIPS, OUTER_LIP
 from dubbing.identity.clip_frames import ClipFrames, placed
 from dubbing.identity.image_store import ImageStore
 from dubbing.preparation.prepared import PreparedClip
@@ -28,7 +28,6 @@ EYES_POINTS = ((133, 33, 159, 145, 105, 468), (362, 263, 386, 374, 334, 473))
 LIDS, BROWS, GAZE = 0.1, 0.03, 0.01
 MOST_EXPRESSION = 4.0  # of these, to either side of the median
 RIM_WIDTH = 0.016  # of the crop's side
-LIPS = [*OUTER_LIP, *INNER_LIP]
 
 
 def mouth_boxes(landmarks: np.ndarray, size: int) -> np.ndarray:
@@ -147,7 +146,7 @@ def load_identity(
         clip, speech, speaking = one.clip, one.speech, one.with_face
         if not len(speaking):
             continue
-        index, frontal = speaking[which], clip.frontal_landmarks()
+        index, spoken = speaking[which], clip.spoken()
         gaps = np.cumsum(np.diff(one.frames, prepend=one.frames[:1]) > 1)
         _add_images(store, one, gaps, which, first)
         runs = gaps[clip.detected[one.frames]] * (clip.segment.max() + 1)
@@ -159,9 +158,9 @@ def load_identity(
             "number": which + at,
             "windows": speech.windows[speaking],
             "predicted_lips": speech.lips[speaking],
-            "lips": lip_measures(frontal[speaking]),
+            "lips": lip_measures(spoken.frontal_landmarks()[speaking]),
             # The lips of the mean face do not touch, so those seen from the front hardly do.
-            "touching": lips_touch(clip.landmarks[speaking], clip.eye_distances()[speaking]),
+            "touching": lips_touch(spoken.landmarks[speaking], clip.eye_distances()[speaking]),
             "segment": segment + shots,
             "lip_points": lip_points(clip, index).numpy(),
         }.items():

@@ -44,8 +44,9 @@ class LipScale:
             for start, stop in (*some, *turned):
                 own[round(start * clip.rate) : round(stop * clip.rate)] = True
             own &= clip.detected
-            lengths.append(lip_lengths(clip.frontal_landmarks()[own]))
-            touching.append(lips_touch(clip.landmarks[own], clip.eye_distances()[own]))
+            spoken = clip.spoken()
+            lengths.append(lip_lengths(spoken.frontal_landmarks()[own]))
+            touching.append(lips_touch(spoken.landmarks[own], clip.eye_distances()[own]))
         every = np.concatenate(lengths)
         return cls(every.mean(0), every.std(0), _parting(every[:, 0], np.concatenate(touching)))
 

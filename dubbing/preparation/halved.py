@@ -53,6 +53,7 @@ class HalvedClip(PreparedClip):
                 "crop": window,
                 "centre": clip.centre * scale + shift,
                 "landmarks": clip.landmarks * scale[:, None] + shift[:, None],
+                "lip_shift": clip.lip_shift * scale[:, None],
                 "noise": noise,
             },
             full=clip,

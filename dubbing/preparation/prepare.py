@@ -50,6 +50,7 @@ from dubbing.preparation.turning.head_surface import HeadSurface
 from dubbing.preparation.turning.profile_lips import LipShapes, Profiles, told_lengths
 from dubbing.preparation.turning.profile_outline import outlined
 from dubbing.preparation.turning.turned import Footage, angles, turned_step
+from dubbing.preparation.turning.turned_landmarks import filled_landmarks
 
 
 def prepare(
@@ -112,6 +113,7 @@ class _Tracked:
     poses: Poses
     known: np.ndarray  # (N,): the head is seen, and its pose is known
     landmarks: np.ndarray  # (N, 478, 2), px of the crop
+    lip_shift: np.ndarray  # (N, 40, 2)
 
 
 def _track(
@@ -170,11 +172,13 @@ def _track(
     detected["valid"] |= read
     if read.any():  # where landmarks tell all lips, these lie on the face that fits landmarks
         shape, poses = own_shape, own_poses
-    landmarks = tracking.filled_landmarks(
+    landmarks, lip_shift = filled_landmarks(
         detected, front, shape, poses, observed, shapes.changes(lips)
     )
     track = track | {"shape": shape}
-    return _Tracked(size, surveyed, detected, track, observed, light, over, poses, known, landmarks)
+    return _Tracked(
+        size, surveyed, detected, track, observed, light, over, poses, known, landmarks, lip_shift
+    )
 
 
 def _cut_out(
@@ -241,5 +245,6 @@ def _record(clip: Path, out: Path, info: MediaInfo, first: int, tracked: _Tracke
         haze=tracked.light["offset"],
         noise=tracked.detected["noise"],
         landmarks=tracked.landmarks.astype(np.float32),
+        lip_shift=tracked.lip_shift.astype(np.float32),
         shape=tracked.track["shape"],
     )

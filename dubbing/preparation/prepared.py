@@ -23,11 +23,12 @@ from dubbing.engine.disk.files import atomic_path, atomic_write_json
 from dubbing.engine.disk.numbered import numbered
 from dubbing.errors import ExplainedError, PreparationError
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER, RIGID
+from dubbing.face.mouth.mouth_shape import LIPS
 from dubbing.media import PixelFormat, Planes, probe, read_frames, read_planes
 from dubbing.preparation.file_names import SUMMARY
 from dubbing.preparation.film_frame import FilmFrame
 
-VERSION = 12
+VERSION = 13
 HEAD_RADIUS = 1.7  # units (10 cm), the largest extent of a head from its origin
 TRACK, MATTE, BACKGROUND = "track.npz", "matte.mkv", "background.mkv"
 OVERLAY = "overlay.mkv"  # masks of all frames, if something lies over the face in any
@@ -85,6 +86,7 @@ class PreparedClip:
             the film's pixels, see `film_noise`.
         landmarks: (T, 478, 2) px of the crop; those of a turned head are of the face that was
             detected, seen from the head's pose, and of the mean face where none was detected.
+        lip_shift: (T, 40, 2) px from the outer and inner lips of these to where speech had them.
         overlay: file of the masks of what lies over the face, of every frame if over any.
         shape: (478, 3) mean head shape in the head frame: x right, y down, z away from the camera,
             outer eye corners 0.9 apart, origin between the ears.
@@ -120,6 +122,7 @@ class PreparedClip:
     haze: np.ndarray
     noise: np.ndarray
     landmarks: np.ndarray
+    lip_shift: np.ndarray
     shape: np.ndarray
     overlay: Path | None = None
     jaw: np.ndarray | None = None
@@ -216,6 +219,15 @@ class PreparedClip:
         seen = np.concatenate([rays, np.ones_like(rays[..., :1])], 2) * depth[..., None]
         turned = (seen - self.translation[:, None]) @ self.rotation
         return np.asarray(turned[..., :2])
+
+    def spoken(self) -> PreparedClip:
+        """The same clip with lips as speech had them: by these, and not by `landmarks`, is learned
+        what a person says. Of turned heads they differ, as mouths seen from a side are compared
+        with one another by what is usual there.
+        """
+        landmarks = self.landmarks.copy()
+        landmarks[:, LIPS] += self.lip_shift
+        return replace(self, landmarks=landmarks)
 
     def eye_distances(self) -> np.ndarray:
         """Distance of the outer corners of the eyes (T,) px, as if the head faced the camera."""

@@ -23,7 +23,8 @@ INNER_LIP = (
     *(308, 415, 310, 311, 312, 13, 82, 81, 80, 191),
 )
 CHIN = (152, 148, 377, 176, 400, 199, 200, 18)
-MOUTH = OUTER_LIP + INNER_LIP + CHIN
+LIPS = [*OUTER_LIP, *INNER_LIP]
+MOUTH = (*LIPS, *CHIN)
 # Forehead, temples, corners of the eyes, bridge and sides of the nose, cheek bones.
 RIGID = (
     *(10, 338, 297, 332, 284, 251, 389, 356, 454, 127, 162, 21, 54, 103, 67, 109, 234),

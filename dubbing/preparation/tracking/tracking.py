@@ -11,7 +11,6 @@ import numpy as np
 
 from dubbing.engine.graph.stage import ReportShare
 from dubbing.face.mesh_points import RIGID
-from dubbing.face.mouth.similarity import similarity
 from dubbing.media import MediaInfo
 from dubbing.preparation.alignment.banded import second_difference_links
 from dubbing.preparation.alignment.bundle import Observations, fit_poses, start_poses, triangulate
@@ -26,15 +25,13 @@ from dubbing.preparation.alignment.skin import reference_frame, skin_points
 from dubbing.preparation.tracking.cropping import to_crop
 from dubbing.preparation.tracking.detection import Arrays
 from dubbing.preparation.tracking.procrustes import head_frame, mean_shape
-from dubbing.preparation.turning.turned import FRONTAL, angles, frontal
+from dubbing.preparation.turning.turned import frontal
 
 APART = 3.0  # px at a crop of 512: tracking and static mode disagree, something may cover the face
 HIDDEN = 2.0  # times as much: the frame is not used at all
 BRIDGE_SECONDS = 0.5  # longest gap over which smoothness bridges poses
 SHAPE_FRAMES = 250
 RELIEF_FRAMES = 150
-BLENDED = np.radians(28.0)  # turn from which on detected landmarks do not count at all
-FRAMES_A_TERM = 25  # least number of frames for each term of a regression
 
 
 def principal_points(window: np.ndarray, source_size: tuple[int, int], size: int) -> np.ndarray:
@@ -121,48 +118,6 @@ def only(observed: Observations, trusted: np.ndarray) -> Observations:
         )
     confidence = np.where(trusted, observed.confidence, 0)
     return replace(observed, confidence=confidence, silhouette=outline)
-
-
-def filled_landmarks(
-    detected: Arrays,
-    trusted: np.ndarray,
-    shape: np.ndarray,
-    poses: Poses,
-    observed: Observations,
-    changes: np.ndarray | None = None,
-) -> np.ndarray:
-    """Landmarks (T, 478, 2) px: as detected, where they can be trusted.
-
-    Elsewhere the mean shape as it is seen from the pose of the head. FaceMesh distorts a face that
-    is turned far, always in the same way, and sees its lips move nevertheless: the shape changes as
-    what was detected does, or by `changes` (T, 478, 3) where these are numbers.
-    """
-    shapes = np.tile(shape, (len(trusted), 1, 1))
-    told = np.zeros(len(trusted), bool)
-    if changes is not None:
-        told = np.isfinite(changes).all((1, 2))
-        shapes[told] += changes[told]
-    turned = np.flatnonzero(detected["valid"] & ~trusted & ~told)
-    if len(turned):
-        points = detected["points"][turned].astype(np.float64)
-        rigid = list(RIGID)
-        seen = similarity(points[:, rigid], shape[rigid])(points)
-        shapes[turned] += undistorted(seen, poses.rotation[turned])
-    in_camera = np.einsum("tij,tpj->tpi", poses.rotation, shapes) + poses.translation[:, None]
-    projected = project(in_camera, observed.focal, observed.centre)
-    # From one kind of frame to the other without a jump.
-    share = np.clip((BLENDED - angles(poses)) / (BLENDED - FRONTAL), 0, 1)
-    share = np.where(trusted, 1, share * detected["valid"])[:, None, None]
-    return projected + share * (detected["points"][..., :2] - projected)
-
-
-def undistorted(shapes: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-    """How shapes (K, P, 3) differ from what is usual for the side from which they are seen."""
-    side = rotation[:, 2, :2]  # of the head, that the camera sees
-    terms = np.column_stack([np.ones(len(side)), side, side**2])
-    terms = terms[:, : 1 + len(terms) // FRAMES_A_TERM]
-    usual = terms @ np.linalg.lstsq(terms, shapes.reshape(len(shapes), -1), rcond=None)[0]
-    return shapes - usual.reshape(shapes.shape)
 
 
 def refine_step(

@@ -58,7 +58,7 @@ class LipShapes:
     @staticmethod
     def of(points: np.ndarray, shape: np.ndarray) -> LipShapes:
         """That of landmarks (N, 478, 3) px and their mean shape (478, 3)."""
-        seen = _aligned(points, shape)
+        seen = aligned(points, shape)
         lengths = lip_lengths(seen[..., :2])
         parts = standardised(lengths)
         square = parts.T @ parts + STRENGTH * len(parts) * np.eye(len(parts.T))
@@ -80,11 +80,11 @@ class LipShapes:
 def told_lengths(points: np.ndarray, valid: np.ndarray, shape: np.ndarray) -> np.ndarray:
     """Lip lengths (T, L), eye distances, of landmarks (T, 478, 3) px; NaN where not valid (T,)."""
     out = np.full((len(points), len(LIP_DISTANCES)), np.nan)
-    out[valid] = lip_lengths(_aligned(points[valid], shape)[..., :2])
+    out[valid] = lip_lengths(aligned(points[valid], shape)[..., :2])
     return out
 
 
-def _aligned(points: np.ndarray, shape: np.ndarray) -> np.ndarray:
+def aligned(points: np.ndarray, shape: np.ndarray) -> np.ndarray:
     """Landmarks (N, 478, 3) laid on a shape (478, 3) by what speech does not move."""
     points, rigid = points.astype(np.float64), list(RIGID)
     return similarity(points[:, rigid], shape[rigid])(points)

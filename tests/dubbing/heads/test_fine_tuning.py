@@ -17,10 +17,11 @@ from dfrf.fast.fast_model import FastModel
 from dfrf.field.mouth_pixels import region
 from dfrf.training.progress import TrainingProgress
 from dubbing.errors import CheckpointError, TrainingError
+from dubbing.face.mouth.mouth_shape import LIPS
 from dubbing.heads import fine_tuning as finetuning
 from dubbing.heads.fine_tuning import learn
 from dubbing.heads.initial_model import init_from_base, training_settings
-from dubbing.identity.dataset import LIPS, mean_face
+from dubbing.identity.dataset import mean_face
 from dubbing.identity.finetune_settings import FRONT_STEPS, TURNED_STEPS, FinetuneSettings
 from dubbing.speech import features
 from tests import clips, fakes

@@ -69,6 +69,7 @@ def prepared(tmp_path: Path) -> PreparedClip:
         noise=np.zeros((FRAMES, 5)),
         segment=np.zeros(FRAMES, int),
         landmarks=rng.uniform(0, SIZE, (FRAMES, 478, 2)).astype(np.float32),
+        lip_shift=rng.uniform(0, SIZE, (FRAMES, 40, 2)).astype(np.float32),
         shape=rng.normal(size=(478, 3)),
     )
 

@@ -49,6 +49,7 @@ def clip(tmp_path: Path) -> PreparedClip:
         noise=np.zeros((FRAMES, 5)),
         segment=np.zeros(FRAMES, int),
         landmarks=np.zeros((FRAMES, 478, 2)),
+        lip_shift=np.zeros((FRAMES, 40, 2)),
         shape=np.zeros((478, 3)),
     )
 
