@@ -16,7 +16,7 @@ from dfrf.field.speaker_adaptation import NUMBERS
 from dubbing.errors import ExplainedError, TrainingError
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
 from dubbing.face.mouth.lip_measures import LIP_DISTANCES
-from dubbing.face.mouth.mouth_shape import INNER_LIP, OUTER_LIP
+from dubbing.face.mouth.mouth_shape import INNER_LIP, LIPS, OUTER_LIP
 from dubbing.identity.clip_frames import ClipFrames
 from dubbing.identity.dataset import (
     BROWS,
@@ -141,6 +141,22 @@ def test_lips_that_touch_are_seen_to_touch_however_the_head_is_turned(clip: Prep
     speech = SpeechFrames(np.zeros((FRAMES, 16, 2), np.float32), np.zeros((FRAMES, 8), np.float32))
     person = load_identity("someone", [ClipFrames(turned, speech, np.arange(FRAMES))])
     assert person.touching.tolist() == [1.0, 0.0] * (FRAMES // 2)
+
+
+def test_what_is_said_is_read_off_lips_as_speech_had_them(clip: PreparedClip) -> None:
+    """Landmarks, by which mouths are compared, stay."""
+    opened = np.arange(FRAMES) % 2 == 0
+    shift = np.zeros((FRAMES, 40, 2))
+    shift[np.ix_(opened, [LIPS.index(lower) for _, lower in LIP_DISTANCES[:3]], [1])] = UNIT
+    speech = SpeechFrames(np.zeros((FRAMES, 16, 2), np.float32), np.zeros((FRAMES, 8), np.float32))
+    told, said = (
+        load_identity("someone", [ClipFrames(one, speech, np.arange(FRAMES))])
+        for one in (clip, replace(clip, lip_shift=shift))
+    )
+    assert not torch.equal(told.lips, said.lips)
+    assert (said.lips[opened, 0] > said.lips[~opened, 0].max()).all()
+    assert not said.touching[opened].any()
+    assert torch.equal(told.lip_points, said.lip_points)
 
 
 def test_no_measure_is_wild(clip: PreparedClip) -> None:
