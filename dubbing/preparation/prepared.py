@@ -221,9 +221,9 @@ class PreparedClip:
         return np.asarray(turned[..., :2])
 
     def spoken(self) -> PreparedClip:
-        """The same clip with lips as speech had them: by these, and not by `landmarks`, is learned
-        what a person says. Of turned heads they differ, as mouths seen from a side are compared
-        with one another by what is usual there.
+        """The same clip with lips as speech had them: what a person says is learned from these.
+
+        Those of `landmarks` are beside what is usual from a side, for comparing mouths.
         """
         landmarks = self.landmarks.copy()
         landmarks[:, LIPS] += self.lip_shift
