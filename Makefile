@@ -9,24 +9,25 @@ export PYTHONDONTWRITEBYTECODE :=
 .PHONY: install demo docs test test-fast attack check bench gpu results true-dubs paper-tables speech-table lock
 .PHONY: clean verdict-table
 
-INSTALL := $(BIN)/python -m pip install -q --disable-pip-version-check
+# Python compiles the modules that it imports; a compiler of all of them would run for a minute.
+PIP := -m pip install -q --disable-pip-version-check --no-compile
 
 # pyproject.toml gives ranges, constraints.txt what was tested.
 .venv/installed: constraints.txt pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
-	$(INSTALL) -c constraints.txt -e .
+	$(BIN)/python $(PIP) -c constraints.txt -e .
 	touch $@
 
-.venv/installed-dev: .venv/installed
-	$(INSTALL) -c constraints.txt -e '.[dev]'
-	touch $@
+.venv/installed-dev: constraints.txt pyproject.toml
+	test -x $(BIN)/python || $(PYTHON) -m venv .venv
+	$(BIN)/python $(PIP) -c constraints.txt -e '.[dev]'
+	touch .venv/installed $@
 
 # The library that the networks for faces come from, for the tests that compare both. It asks for an
-# older numpy and a second OpenCV, so it has an environment of its own, where Python looks last.
-.venv/installed-parity: .venv/installed-dev
+# older numpy and a second OpenCV, so it has an environment of its own, where these tests look last.
+.venv/parity/installed:
 	$(PYTHON) -m venv .venv/parity
-	.venv/parity/bin/python -m pip install -q --disable-pip-version-check mediapipe==0.10.21
-	(cd .venv/lib/python*/site-packages && echo ../../../parity/lib/python*/site-packages > parity.pth)
+	.venv/parity/bin/python $(PIP) mediapipe==0.10.21
 	touch $@
 
 install: .venv/installed
@@ -38,7 +39,7 @@ demo: .venv/installed
 WORKERS ?= 2
 test test-fast: PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal
 
-test: .venv/installed-parity
+test: .venv/installed-dev .venv/parity/installed
 	$(PYTEST)
 
 # Under a minute on two quiet cores: without the files and tests that are marked slow or medium.

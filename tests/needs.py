@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import shutil
+import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -19,6 +21,20 @@ def chromium() -> str:
     if not found and os.environ.get("DFRF_NEEDS_CHROMIUM"):
         pytest.fail(INSTALL)
     return found or pytest.skip(INSTALL)
+
+
+def mediapipe() -> Path:
+    """Folder of the library that the networks for faces come from, which can then be imported.
+
+    It has an environment of its own (see the Makefile), where Python looks last.
+    """
+    for packages in (ROOT / ".venv/parity").glob("lib/python*/site-packages"):
+        if str(packages) not in sys.path:
+            sys.path.append(str(packages))
+    package = find_spec("mediapipe")
+    if package is None or package.origin is None:
+        pytest.skip("mediapipe is not installed", allow_module_level=True)
+    return Path(package.origin).parent
 
 
 def shared(name: str) -> Path:

@@ -33,6 +33,7 @@ class Browser:
     def __init__(self, read: int, write: int) -> None:
         self.answers, self.commands = os.fdopen(read, "rb"), os.fdopen(write, "wb")
         self.numbers = itertools.count(1)
+        self.targets: list[str] = []
         self.rest = b""
 
     def call(self, method: str, session: str = "", **params: Any) -> dict[str, Any]:
@@ -59,6 +60,7 @@ class Browser:
     def open(self, address: str, width: int = 1440, height: int = 900, dark: bool = False) -> Page:
         """A page in a tab of its own."""
         target = self.call("Target.createTarget", url="about:blank", newWindow=True)["targetId"]
+        self.targets.append(target)
         session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         page = Page(self, session)
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
@@ -67,6 +69,11 @@ class Browser:
         page.call("Page.enable")
         page.call("Page.navigate", url=address)
         return page
+
+    def close_pages(self) -> None:
+        """Close all of them."""
+        while self.targets:
+            self.call("Target.closeTarget", targetId=self.targets.pop())
 
 
 class Page:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from importlib import import_module
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,8 @@ from dubbing.workshop.true_dubs import objects
 from tests import needs
 
 pytestmark = pytest.mark.medium
-solutions = pytest.importorskip("mediapipe.python.solutions", reason="mediapipe is not installed")
+needs.mediapipe()
+solutions = import_module("mediapipe.python.solutions")
 
 GRAPH = "mediapipe/modules/face_landmark/face_landmark_front_cpu.binarypb"
 # px at the size of the network's input: median and worst of points. Where each frame is looked at

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -13,17 +12,16 @@ from safetensors import safe_open
 from dubbing.face.weight_paths import FACE_WEIGHTS, HAND_WEIGHTS, PERSON_WEIGHTS
 from dubbing.workshop.faces.import_networks import NETWORKS, import_network, read_source
 from dubbing.workshop.faces.parallel import merged, without_repetitions
+from tests import needs
 
 SHIPPED = FACE_WEIGHTS | HAND_WEIGHTS | PERSON_WEIGHTS
 
 
 @pytest.mark.parametrize("name", NETWORKS)
 def test_the_importer_writes_what_ships(name: str, tmp_path: Path) -> None:
-    package = find_spec("mediapipe")
-    if package is None or package.origin is None:
-        pytest.skip("mediapipe is not installed")
+    folder = needs.mediapipe()
     path = tmp_path / f"{name}.safetensors"
-    import_network(read_source(Path(package.origin).parent, NETWORKS[name]), NETWORKS[name], path)
+    import_network(read_source(folder, NETWORKS[name]), NETWORKS[name], path)
     with safe_open(path, "np") as made, safe_open(SHIPPED[name], "np") as shipped:
         assert sorted(made.keys()) == sorted(shipped.keys())
         for key in made.keys():  # noqa: SIM118
