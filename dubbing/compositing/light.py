@@ -27,6 +27,9 @@ REDDER = 0.4  # of a shadow's logarithm: by so much, channels may differ
 FAINT = 0.06  # of a logarithm: shallower places are not followed
 USUAL, MOST = 90, 98  # percent of the face above the mouth: is there a shadow, and how deep is it
 MOUTH = 8.0  # px round the film's lips, which move with other words
+# Px round them in which the new mouth may open, and how dark the head is there, as a share of what
+# is around: then it is no skin.
+OPENED, AS_DARK = 32.0, 0.75
 HAZE, OPAQUE = 16, 250  # of 255; a head with no more than the first is haze
 DARK = 4.0  # grey levels added before the ratio is taken: black has none
 PRIOR_WEIGHT = 0.02  # of the whole face's ratio beside that of the neighbourhood
@@ -60,7 +63,8 @@ def follow_light(
         for i in around(extent(head[..., 3] > HAZE), 2 * step, size)[0]
     )
     part = rows, columns
-    lips = dilate(lip_region(landmarks, size)[part], MOUTH * unit)
+    region = lip_region(landmarks, size)[part]
+    lips = dilate(region, MOUTH * unit)
     skin = (head[part][..., 3] >= OPAQUE) & ~lips
     if overlay is not None:
         skin &= overlay[part] == 0
@@ -77,6 +81,13 @@ def follow_light(
         / np.maximum(share, 1e-6)
         for pixels in (image, head)
     )
+    level, around_it = (
+        cv2.GaussianBlur(x, (0, 0), SMOOTH * unit / step)
+        for x in (rendered.mean(-1) * share[..., 0], share[..., 0])
+    )
+    dark = rendered.mean(-1) * around_it < AS_DARK * level
+    opened = _small(dilate(region, OPENED * unit).astype(np.uint8), step) > 0
+    share = share * ~(opened & dark)[..., None]
     ratio = np.log(np.maximum(filmed - haze, 0) + DARK) - np.log(rendered + DARK)
     middle = np.median(ratio[share[..., 0] > 0.5], 0) if (share > 0.5).any() else ratio.mean((0, 1))
     weight = share / (1 + (np.abs(ratio - middle) / OUTLIER) ** 2)

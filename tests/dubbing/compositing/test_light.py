@@ -104,6 +104,19 @@ def test_a_chin_that_moves_is_no_shadow(chin: float, monkeypatch: pytest.MonkeyP
     assert np.abs(made.astype(int) - slowly).max() <= 2
 
 
+def test_a_mouth_that_opens_beyond_the_film_s_lips_stays_dark() -> None:
+    """In light from the side, in which shadows are followed: what is dark there is no shadow."""
+    columns = np.arange(S) - S / 2
+    shadow = (1 - 0.6 / (1 + np.exp(columns / 6)))[:, None] * np.ones(3)
+    render = skin(mouth=30)
+    cv2.ellipse(render, (S // 2 + 16, 168), (16, 6), 0, 0, 360, (40.0, 20.0, 20.0), -1)
+    made = follow(skin(mouth=90) * shadow, render)[..., :3].astype(float)
+    closed = follow(skin(mouth=90) * shadow, skin(mouth=30))[..., :3].astype(float)
+    assert made[165:171, 138:150].mean() < 40
+    beside = np.s_[178:184, 130:158]
+    assert np.abs(made[beside] - closed[beside]).max() < 12
+
+
 def test_in_a_fade_to_white_the_mouth_pales_as_the_face_does() -> None:
     white = 0.6
     haze = np.full(3, 255 * white)
