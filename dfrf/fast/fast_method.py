@@ -48,7 +48,7 @@ from dfrf.workers import Workers
 
 SHARES = 4  # of a step's rays; on a CPU as many cores work side by side
 FRAMES_AT_ONCE = 8
-BAKED_FRAMES, POSING_FRAMES = 32, 8  # of which a head is baked to show lips, or to be posed
+BAKED_FRAMES, POSING_FRAMES = 48, 8  # of which a head is baked to show lips, or to be posed
 MOST_COMPARED = 1000  # frames of a person, each with all others: 8 MB of distances
 
 
