@@ -135,7 +135,7 @@ def test_the_films_of_a_scene_differ_in_the_mouth_alone(tmp_path: Path) -> None:
     from dubbing.manifest.manifest import load
     from dubbing.media import read_frames
 
-    scene = Scene("tiny", size=96)
+    scene = Scene("tiny", size=64)
     write(scene, tmp_path)
     (tmp_path / MANIFEST).write_text(manifest([scene]))
     production = load(tmp_path / MANIFEST)
@@ -145,7 +145,7 @@ def test_the_films_of_a_scene_differ_in_the_mouth_alone(tmp_path: Path) -> None:
     assert len(film) == len(true) == FRAMES - FIRST
     with np.load(tmp_path / "tiny" / films.TRUTH) as known:
         mouths = known["mouths"]
-    changed = np.zeros((96, 96))
+    changed = np.zeros((64, 64))
     for a, b in zip(film, true, strict=True):
         changed += (np.abs(a.astype(int) - b) > 3).any(-1)
     rows, columns = np.nonzero(changed > 3)
