@@ -17,7 +17,6 @@ import numpy as np
 
 from dubbing import media
 from dubbing.batch import task as batch_task
-from dubbing.compositing.composite import blend
 from dubbing.compositing.grade import NEUTRAL
 from dubbing.compositing.lip_colour import SAME
 from dubbing.engine.disk.files import atomic_write_json, atomic_write_text
@@ -25,7 +24,6 @@ from dubbing.engine.running import task
 from dubbing.errors import PreparationError
 from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_OUTER, NOSE, NOSE_BASE, RIGHT_EYE_OUTER
 from dubbing.face.mouth.mouth_shape import OUTER_LIP
-from dubbing.preparation.film_frame import FilmFrame
 from dubbing.preparation.prepared import BACKGROUND, MATTE, PreparedClip
 from dubbing.script import timeline
 from dubbing.script.timeline import Cue, Edit
@@ -38,7 +36,7 @@ from dubbing.stages.prepare import Prepare
 from dubbing.stages.refine_poses import RefinePoses
 from dubbing.stages.render import Render
 from dubbing.sync.records import SYNC_FILE
-from dubbing.video import assembly, composer
+from dubbing.video import assembly
 
 SIZE = 32
 HEADS_A_FILE = 5
@@ -143,12 +141,6 @@ def head(k: int, size: int = SIZE) -> np.ndarray:
     return picture
 
 
-def replacement(film: FilmFrame, head: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """As `dubbing.compositing.composite.replacement`, of a head that fits as it is."""
-    opacity = head[..., 3] if film.overlay is None else np.minimum(head[..., 3], 255 - film.overlay)
-    return blend(film.image, head[..., :3], opacity), opacity, opacity
-
-
 class Killer:
     """Counts the progress of a stage and kills this process at the asked moment."""
 
@@ -240,7 +232,6 @@ def install(patch: Any) -> None:
     ):
         patch(stage, "run", stand_in)
     patch(HalfSize, "_rendered", rendered)
-    patch(composer, "replacement", replacement)
     patch(assembly, "SEGMENT", 10)
     patch(batch_task, "MODULE", "tests.fakes")
 

@@ -26,7 +26,7 @@ def chromium() -> str:
 def mediapipe() -> Path:
     """Folder of the library that the networks for faces come from, which can then be imported.
 
-    It has an environment of its own (see the Makefile), where Python looks last.
+    It has an environment of its own (see the Makefile), where these tests look last.
     """
     for packages in (ROOT / ".venv/parity").glob("lib/python*/site-packages"):
         if str(packages) not in sys.path:
