@@ -21,7 +21,7 @@ from dfrf.workers import Workers
 
 AT_ONCE = 8  # frames
 PRUNING_FRAMES = 16
-TELLING = 8  # frames in which density is asked for everywhere
+TELLING = 8  # frames at least in which density is evaluated everywhere
 STILL = 0.3  # before softplus: where it changes less among these, it is the same in the others
 
 
@@ -51,7 +51,8 @@ def bake(
 ) -> None:
     """Fits the baked density of a learned model to `count` of these frames.
 
-    At about half of all points, those away from lips and jaw, frames hardly differ: some tell.
+    At about half of all points, those away from lips and jaw, frames hardly differ. There density
+    is evaluated in `TELLING` or a few more of them, and is the mean of these in the others.
     """
     described = model.described(conditioning, origins)
     some = chosen_frames(described, count)

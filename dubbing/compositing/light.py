@@ -81,11 +81,12 @@ def follow_light(
         / np.maximum(share, 1e-6)
         for pixels in (image, head)
     )
-    level, around_it = (
+    bright = rendered.mean(-1)
+    level, known = (
         cv2.GaussianBlur(x, (0, 0), SMOOTH * unit / step)
-        for x in (rendered.mean(-1) * share[..., 0], share[..., 0])
+        for x in (bright * share[..., 0], share[..., 0])
     )
-    dark = rendered.mean(-1) * around_it < AS_DARK * level
+    dark = bright * known < AS_DARK * level
     opened = _small(dilate(region, OPENED * unit).astype(np.uint8), step) > 0
     share = share * ~(opened & dark)[..., None]
     ratio = np.log(np.maximum(filmed - haze, 0) + DARK) - np.log(rendered + DARK)
