@@ -10,6 +10,7 @@ import sys  # nothing else, or it could come from the current folder yet
 # Where the top package lies that this module is part of.
 PACKAGES = os.path.realpath(os.path.join(__file__, *[os.pardir] * (__name__.count(".") + 1)))
 LIBRARIES = "LD_LIBRARY_PATH"
+SAFE_PATH = "PYTHONSAFEPATH"  # where it is set, Python does not look for modules there
 SEARCHED = ("PATH", "DIRS")  # ends of the names of variables that hold search paths
 
 
@@ -27,6 +28,7 @@ def settle() -> None:
                 os.environ[name] = os.pathsep.join(kept)
             else:
                 del os.environ[name]
+    os.environ[SAFE_PATH] = "1"  # for what libraries start: multiprocessing runs `python -c`
     if os.name == "nt":
         os.environ["NODEFAULTCURRENTDIRECTORYINEXEPATH"] = "1"
     else:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import signal
 import subprocess
-import sys
 from contextlib import suppress
 from pathlib import Path
 from threading import Lock, Thread
 from typing import Any
 
+from dubbing.engine.environment import of_children, python
 from dubbing.errors import ExplainedError
 
 ENDS = {0: "made", 3: "made; its sync check failed"}
@@ -27,7 +27,7 @@ class Making:
     """
 
     def __init__(self, manifest: Path, device: str, program: str = "dubbing") -> None:
-        self._call = (sys.executable, "-m", program, "dub", str(manifest), "--device", device)
+        self._call = (*python(program), "dub", str(manifest), "--device", device)
         self._lock = Lock()
         self._process: subprocess.Popen[str] | None = None
         self._dub = self._words = ""
@@ -56,6 +56,7 @@ class Making:
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
                 text=True,
+                env=of_children(),
             )
             Thread(target=self._watch, args=(self._process,), daemon=True).start()
 

@@ -60,6 +60,27 @@ def test_nor_by_python_m_dubbing(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
+def test_nor_by_a_process_that_multiprocessing_starts(tmp_path: Path) -> None:
+    """It calls Python with -c, which puts the current folder first."""
+    for module in ("multiprocessing", "json", "torch"):
+        (tmp_path / f"{module}.py").write_text("raise SystemExit('ran')")
+    program = tmp_path.parent / "program.py"  # the film's folder is not that of the program
+    program.write_text("""
+from dubbing.engine import environment
+environment.settle()
+import multiprocessing, sys
+if __name__ == "__main__":
+    process = multiprocessing.get_context("spawn").Process(target=print)
+    process.start()
+    process.join()
+    sys.exit(process.exitcode)
+""")
+    env = {**os.environ, "PYTHONPATH": environment.PACKAGES}
+    call = [sys.executable, str(program)]
+    done = subprocess.run(call, cwd=tmp_path, env=env, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 def test_letters_that_the_card_lacks() -> None:
     assert card.undrawable("Ann Žižek, Ελλάδα, Юлия\n") == ""
     assert card.undrawable("Ann 李 and שלום") == "李שלום"
