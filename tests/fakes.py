@@ -20,7 +20,6 @@ from dubbing.batch import task as batch_task
 from dubbing.compositing.grade import NEUTRAL
 from dubbing.compositing.lip_colour import SAME
 from dubbing.engine.disk.files import atomic_write_json, atomic_write_text
-from dubbing.engine.running import task
 from dubbing.errors import PreparationError
 from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_OUTER, NOSE, NOSE_BASE, RIGHT_EYE_OUTER
 from dubbing.face.mouth.mouth_shape import OUTER_LIP
@@ -236,10 +235,16 @@ def install(patch: Any) -> None:
     patch(batch_task, "MODULE", "tests.fakes")
 
 
+def main(argument: str) -> int:
+    """Do the task of a process that a run has started."""
+    install(setattr)
+    return batch_task.main(argument)
+
+
 if __name__ == "__main__":
     install(setattr)
-    if sys.argv[1].startswith("{"):  # the call of a process that a run has started
-        sys.exit(task.main(sys.argv[1], batch_task.job_of, batch_task.KNOWN))
-    from dubbing.cli.main import main
+    if sys.argv[1].startswith("{"):  # the call of a task, on a worker of Dask
+        sys.exit(batch_task.main(sys.argv[1]))
+    from dubbing.cli.main import main as command_line
 
-    main()
+    command_line()

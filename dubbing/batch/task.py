@@ -17,6 +17,14 @@ from dubbing.manifest.manifest import load
 from dubbing.pipeline import PERSON, people_jobs
 
 MODULE = "dubbing.batch.task"
+# Modules of stages, which load torch and OpenCV.
+LOADED = (
+    "dubbing.heads.fine_tuning",
+    "dubbing.heads.rendering",
+    "dubbing.preparation.prepare",
+    "dubbing.sync.check",
+    "dubbing.video.assembly",
+)
 DRAFT = "draft"
 # The error where a parameter that depends on the machine differs.
 KNOWN = {
@@ -30,7 +38,7 @@ KNOWN = {
 
 def program(manifest: Path, device: str = "auto", draft: bool = False) -> Program:
     """The program for the stages of a manifest, or of its drafts."""
-    return Program(MODULE, (str(manifest), device, *[DRAFT] * draft))
+    return Program(MODULE, (str(manifest), device, *[DRAFT] * draft), LOADED)
 
 
 def job_of(label: str, manifest: str, device: str, draft: str = "") -> Job:
@@ -51,5 +59,10 @@ def job_of(label: str, manifest: str, device: str, draft: str = "") -> Job:
     return jobs.by_label[label]
 
 
+def main(argument: str) -> int:
+    """Do the task of one call; gives the exit code."""
+    return task.main(argument, job_of, KNOWN)
+
+
 if __name__ == "__main__":
-    sys.exit(task.main(sys.argv[1], job_of, KNOWN))
+    sys.exit(main(sys.argv[1]))

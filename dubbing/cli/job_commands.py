@@ -82,7 +82,8 @@ def dub(
     from dubbing.batch import batch
     from dubbing.batch.task import program
     from dubbing.cli import console, live
-    from dubbing.engine.running.executors import InLine, Processes
+    from dubbing.engine.running.executors import InLine
+    from dubbing.engine.running.processes import Processes
     from dubbing.engine.running.runner import Options
     from dubbing.manifest import short_call
     from dubbing.manifest.manifest import load

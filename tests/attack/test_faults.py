@@ -8,7 +8,6 @@ import random
 import shutil
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -19,12 +18,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dubbing.engine.environment import of_children, python
 from tests.attack import rule
 from tests.attack.conftest import TIMES, Room
 from tests.attack.odd import cases
 from tests.attack.test_manifests import WHOLE
 from tests.dubbing.batch.test_interruptions import tree
-from tests.dubbing.batches import ROOT
 
 pytestmark = pytest.mark.medium
 
@@ -67,11 +66,11 @@ def test_processes_that_are_killed_at_any_time(room: Room) -> None:
     chance = random.Random(TIMES)
     with room() as folder:
         written(folder)
-        command = [sys.executable, "-m", "tests.fakes", "dub", str(folder / "m.yaml")]
+        command = [*python("tests.fakes"), "dub", str(folder / "m.yaml")]
 
         def begun() -> subprocess.Popen[bytes]:
             return subprocess.Popen(
-                command, cwd=ROOT, stdout=subprocess.DEVNULL, start_new_session=True
+                command, env=of_children(), stdout=subprocess.DEVNULL, start_new_session=True
             )
 
         began = time.monotonic()

@@ -1,21 +1,17 @@
-"""Executors: they bring stages up to date in this process, or in processes of this machine.
+"""Executors: they bring stages up to date. `InLine` does it in this process.
 
 Every executor takes tasks whose needs are met, does those of the lowest rank first, and gives back
-their outcomes. `cluster` has the third, on other machines.
+their outcomes. `processes` has the one of this machine's processes, `cluster` that of others.
 """
 
 import heapq
 import json
-import subprocess
-import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from queue import Empty, PriorityQueue, SimpleQueue
 from typing import Protocol
 
-from ..environment import of_children, python
 from ..errors import LockedError
 from ..graph.stage import Progress, Stage
 from ..graph.stage_id import StageId
@@ -126,15 +122,17 @@ class InLine:
 
 @dataclass(frozen=True)
 class Program:
-    """The program that does one task in a process of its own; it calls `task.main`.
+    """The program that does one task in a process of its own.
 
     Attributes:
-        module: that Python runs.
+        module: that Python runs; its `main` takes a `Call` as JSON and calls `task.main`.
         arguments: plain data from which it makes the jobs again.
+        loads: modules that tasks need and that take long to load.
     """
 
     module: str
     arguments: tuple[str, ...]
+    loads: tuple[str, ...] = ()
 
     def call(self, task: Task) -> list[str]:
         """Module and argument of a process that does a task."""
@@ -174,75 +172,3 @@ def result(stage: StageId, code: int, out: str, error: str) -> Done:
             stage.kind, what, "not foreseen", "see the trace; please report it", error
         )
         return Done(stage, FAILED, failure=failure)
-
-
-class Processes:
-    """So many processes of this machine, a fresh one for each task."""
-
-    here = False
-
-    def __init__(self, program: Program, count: int) -> None:
-        self._program = program
-        self._waiting: PriorityQueue[Task] = PriorityQueue()
-        self._done: SimpleQueue[Done] = SimpleQueue()
-        self._running: set[subprocess.Popen[str]] = set()
-        self._closed = threading.Event()
-        self._threads = [threading.Thread(target=self._work, daemon=True) for _ in range(count)]
-        for thread in self._threads:
-            thread.start()
-
-    def submit(self, task: Task) -> None:
-        self._waiting.put(task)
-
-    def wait(self, seconds: float) -> list[Done]:
-        try:
-            return [self._done.get(timeout=seconds)]
-        except Empty:
-            return []
-
-    def drop(self) -> list[StageId]:
-        dropped = []
-        while True:
-            try:
-                dropped.append(self._waiting.get_nowait().id)
-            except Empty:
-                return dropped
-
-    def close(self) -> None:
-        self._closed.set()
-        self.drop()
-        for process in [*self._running]:
-            process.terminate()
-        for thread in self._threads:
-            thread.join()
-
-    def _work(self) -> None:
-        while not self._closed.is_set():
-            try:
-                task = self._waiting.get(timeout=0.1)
-            except Empty:
-                continue
-            try:
-                self._done.put(self._run(task))
-            except Exception as error:  # for one, no process can be started
-                failure = failure_of(task.id.kind, error)
-                self._done.put(Done(task.id, FAILED, failure=failure))
-
-    def _run(self, task: Task) -> Done:
-        module, argument = self._program.call(task)
-        with subprocess.Popen(
-            [*python(module), argument],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            errors="replace",
-            env=of_children(),
-        ) as process:
-            self._running.add(process)
-            if self._closed.is_set():
-                process.terminate()
-            try:
-                out, error = process.communicate()
-            finally:
-                self._running.discard(process)
-        return result(task.id, process.returncode, out, error)

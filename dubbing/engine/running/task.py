@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import asdict
+from multiprocessing import parent_process
 from typing import Any
 
 from ..disk import json_records
@@ -95,10 +96,10 @@ def _nothing(*_arguments: Any) -> None:
 
 def _end_with_parent() -> None:
     """A run that was killed does not leave its tasks behind."""
-    parent = os.getppid()
+    run, parent = parent_process(), os.getppid()
 
     def watch() -> None:
-        while os.getppid() == parent:
+        while os.getppid() == parent and (run is None or run.is_alive()):
             time.sleep(0.2)
         os._exit(INTERRUPTED)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -13,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from dubbing.batch.jobs import build
+from dubbing.engine.environment import of_children, python
 from dubbing.engine.planning import planner as planning
 from dubbing.manifest.manifest import load
 from tests.dubbing.batches import ROOT, dub, manifest_of
@@ -30,9 +30,9 @@ def tree(folder: Path) -> dict[str, str]:
 
 
 def in_a_process(path: Path, kill: str = "") -> int:
-    environment = {**os.environ, "DFRF_TEST_KILL": kill}
-    command = [sys.executable, "-m", "tests.fakes", "dub", str(path)]
-    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, check=False)
+    environment = {**of_children(), "DFRF_TEST_KILL": kill}
+    command = [*python("tests.fakes"), "dub", str(path)]
+    done = subprocess.run(command, env=environment, capture_output=True, check=False)
     return done.returncode
 
 

@@ -18,7 +18,7 @@ import soundfile
 from dubbing import media
 from dubbing.batch import jobs, task
 from dubbing.engine.graph.graph import nodes
-from dubbing.engine.running.executors import Processes
+from dubbing.engine.running.processes import Processes
 from dubbing.manifest.manifest import load
 from dubbing.script.timecode import frame_of
 from dubbing.stages.check import Check

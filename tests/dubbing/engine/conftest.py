@@ -11,7 +11,8 @@ import pytest
 from distributed import LocalCluster
 
 from dubbing.engine.running.cluster import Cluster
-from dubbing.engine.running.executors import Executor, InLine, Processes
+from dubbing.engine.running.executors import Executor, InLine
+from dubbing.engine.running.processes import Processes
 from tests.dubbing.engine.small_graph import program
 
 WORKERS = 2

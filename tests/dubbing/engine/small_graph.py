@@ -191,6 +191,11 @@ def results(path: Path) -> dict[str, str]:
     }
 
 
+def main(argument: str) -> int:
+    """Do the task of one call."""
+    return task.main(argument, job_of)
+
+
 if __name__ == "__main__":
     own = import_module(MODULE)  # its stages belong to a module with a name, not to __main__
-    sys.exit(task.main(sys.argv[1], own.job_of))
+    sys.exit(own.main(sys.argv[1]))

@@ -114,10 +114,10 @@ from work_engine.running import task
 def job_of(label, folder):
     return jobs_of(Path(folder)).by_label[label]
 
-if __name__ == "__main__":
-    code = task.main(sys.argv[1], job_of)
+def main(argument):
+    code = task.main(argument, job_of)
     assert not {"dubbing", "dfrf"} & {name.split(".")[0] for name in sys.modules}
-    sys.exit(code)
+    return code
 """
 
 RUN = """
@@ -129,7 +129,8 @@ from pathlib import Path
 from toy import jobs_of
 from work_engine.planning import planner
 from work_engine.running import runner
-from work_engine.running.executors import InLine, Processes, Program
+from work_engine.running.executors import InLine, Program
+from work_engine.running.processes import Processes
 
 class Quiet:
     def overall(self, done, total): ...

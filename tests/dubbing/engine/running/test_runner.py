@@ -21,8 +21,9 @@ from dubbing.engine.graph.fields import Setting
 from dubbing.engine.graph.graph import Job, Jobs, Node, nodes
 from dubbing.engine.graph.stage import Progress, Stage
 from dubbing.engine.running import runner
-from dubbing.engine.running.executors import Executor, InLine, Processes
+from dubbing.engine.running.executors import Executor, InLine, Program, Task
 from dubbing.engine.running.outcome import Failure, Outcome
+from dubbing.engine.running.processes import Processes
 from dubbing.engine.running.runner import Options
 from tests.dubbing.engine import small_graph
 from tests.dubbing.engine.listener import Listener
@@ -297,6 +298,25 @@ def test_an_interrupt_ends_what_runs_and_does_not_wait_for_the_rest(tmp_path: Pa
         runner.run(jobs_of(path), Options(), Impatient(), made)
     assert 1 <= len(begun(path)) <= 5
     assert not list((tmp_path / "out").rglob("*.claim"))
+
+
+def test_a_process_has_the_environment_of_its_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is a fork of one that was started before, perhaps with other programs in its PATH."""
+    (tmp_path / "telling.py").write_text("""
+import json, os
+def main(argument):
+    print(json.dumps({"state": os.environ["TOLD"], "seconds": 0, "failure": None}))
+    return 0
+""")
+    monkeypatch.syspath_prepend(tmp_path)
+    stage = jobs_of(write_manifest(tmp_path, PEOPLE)).all()[0].stage(small_graph.Prepare)
+    for value in ("one", "two"):
+        monkeypatch.setenv("TOLD", value)
+        with closing(Processes(Program("telling", ()), 1)) as executor:
+            executor.submit(Task(0, stage, False, {}, lambda: None, lambda *_: None))
+            assert [done.state for done in executor.wait(60)] == [value]
 
 
 def test_a_claim_of_another_run_is_not_waited_for_before_the_rest_is_done(tmp_path: Path) -> None:
