@@ -44,6 +44,8 @@ def studio(
     packages.require("studio")
     import uvicorn
 
+    from dubbing.batch.task import LOADED
+    from dubbing.engine.forks import load_beforehand
     from dubbing.manifest.manifest import load
     from dubbing.studio.drafter import Drafter
     from dubbing.studio.making import Making
@@ -66,6 +68,7 @@ def studio(
     listener = listening(host, port)
     token = password or secrets.token_urlsafe(24)
     port = listener.getsockname()[1]
+    load_beforehand(LOADED)
     drafter = Drafter(production.manifest, checked_device(device))
     making = Making(production.manifest, device)
     own = {"token": token, "host": host, "port": port, "password": bool(password)}

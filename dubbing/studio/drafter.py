@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import asyncio
 import itertools
-import multiprocessing
 from collections.abc import AsyncGenerator, Callable
 from multiprocessing.connection import Connection
 from pathlib import Path
 from threading import Lock, Thread
 from typing import Any
 
+from dubbing.engine.forks import CONTEXT
 from dubbing.errors import ExplainedError
 from dubbing.studio.drafting import Answer, Job, serve
 
-CONTEXT: Any = multiprocessing.get_context("spawn")  # which starts processes
 GONE = Answer(0, ended=True, error="the process that draws ended; it starts again when asked")
 
 

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import io
 import json
 import signal
-import subprocess
+import sys
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
+from importlib import import_module
+from multiprocessing.connection import Connection
 from pathlib import Path
 from threading import Lock, Thread
 from typing import Any
 
-from dubbing.engine.environment import of_children, python
+from dubbing.engine.environment import of_children
+from dubbing.engine.forks import CONTEXT, take
 from dubbing.errors import ExplainedError
 
 ENDS = {0: "made", 3: "made; its sync check failed"}
@@ -18,18 +23,40 @@ ENDS = {0: "made", 3: "made; its sync check failed"}
 ENDS |= dict.fromkeys((130, -signal.SIGTERM), "stopped; it goes on where it was")
 
 
+class _Printed(io.TextIOBase):
+    """Sends all that is printed."""
+
+    def __init__(self, pipe: Connection) -> None:
+        self._pipe = pipe
+
+    def write(self, text: str) -> int:
+        self._pipe.send(text)
+        return len(text)
+
+
+def run(
+    program: str, arguments: list[str], environment: Mapping[str, str], pipe: Connection
+) -> None:
+    """Run a program's `main` in the process that was started for it."""
+    take(environment)
+    sys.stdout = sys.stderr = _Printed(pipe)  # type: ignore[assignment]
+    sys.argv = ["dfrf", *arguments]
+    import_module(program).main()
+
+
 class Making:
     """At most one run at a time, in a process of its own, which another page may have started.
 
     Args:
         device: auto, cpu or cuda.
-        program: a module that is run as `dfrf` is.
+        program: a module whose `main` is the command line.
     """
 
-    def __init__(self, manifest: Path, device: str, program: str = "dubbing") -> None:
-        self._call = (*python(program), "dub", str(manifest), "--device", device)
+    def __init__(self, manifest: Path, device: str, program: str = "dubbing.cli.main") -> None:
+        self._program = program
+        self._call = ["dub", str(manifest), "--device", device, "--json"]
         self._lock = Lock()
-        self._process: subprocess.Popen[str] | None = None
+        self._process: Any = None
         self._dub = self._words = ""
         self._done = (0, 0)  # stages, of how many
 
@@ -50,25 +77,21 @@ class Making:
             if self._process is not None:
                 raise ExplainedError(f"{self._dub} is being made", remedy="wait, or stop it")
             self._dub, self._words, self._done = dub, "begins", (0, 0)
-            self._process = subprocess.Popen(
-                [*self._call, f"--only={dub}", "--json"],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.STDOUT,
-                text=True,
-                env=of_children(),
-            )
-            Thread(target=self._watch, args=(self._process,), daemon=True).start()
+            pipe, other = CONTEXT.Pipe(duplex=False)
+            call = (self._program, [*self._call, f"--only={dub}"], of_children(), other)
+            self._process = CONTEXT.Process(target=run, args=call, daemon=True)
+            self._process.start()
+            other.close()
+            Thread(target=self._watch, args=(lines(pipe), self._process), daemon=True).start()
 
     def stop(self) -> None:
         """End the run, which can go on later; nothing where there is none."""
-        with suppress(AttributeError, ProcessLookupError):
-            self._process.send_signal(signal.SIGTERM)  # type: ignore[union-attr]
+        with suppress(AttributeError):
+            self._process.terminate()
 
-    def _watch(self, process: subprocess.Popen[str]) -> None:
-        assert process.stdout is not None
+    def _watch(self, printed: Iterable[str], process: Any) -> None:
         failed = ""
-        for line in process.stdout:
+        for line in printed:
             try:
                 event = json.loads(line)
             except ValueError:  # why it ends
@@ -81,6 +104,16 @@ class Making:
             elif event["event"] == "result":
                 lost = [one["failure"] for one in event["jobs"].values() if one["failure"]]
                 failed = f"{lost[0]['stage']}: {lost[0]['what']}" if lost else failed
-        code = process.wait()
-        self._words = ENDS.get(code, f"not made: {failed}" if failed else "not made")
+        process.join()
+        self._words = ENDS.get(process.exitcode, f"not made: {failed}" if failed else "not made")
         self._process = None
+
+
+def lines(pipe: Connection) -> Iterator[str]:
+    """The lines that are printed at the other end, until it is closed."""
+    begun = ""
+    with suppress(EOFError, OSError):
+        while True:
+            *whole, begun = (begun + pipe.recv()).split("\n")
+            yield from whole
+    yield begun

@@ -1,9 +1,5 @@
-"""Stages in processes of this machine, each a fork of one that has loaded what stages need.
+"""Stages in processes of this machine."""
 
-Loading torch and OpenCV takes a process two to four seconds, longer than a short line needs.
-"""
-
-import multiprocessing
 import os
 import sys
 import tempfile
@@ -14,12 +10,10 @@ from queue import Empty, PriorityQueue, SimpleQueue
 from typing import Any
 
 from ..environment import of_children
+from ..forks import CONTEXT, load_beforehand, take
 from ..graph.stage_id import StageId
 from .executors import FAILED, Done, Program, Task, result
 from .outcome import failure_of
-
-# Elsewhere forks are not safe, or there are none: each process loads everything.
-CONTEXT: Any = multiprocessing.get_context("forkserver" if sys.platform == "linux" else "spawn")
 
 
 def run_captured(
@@ -28,8 +22,7 @@ def run_captured(
     """Run a `Program` in the process that was started for it; what it prints goes to files."""
     for stream, path in ((1, out), (2, error)):
         os.dup2(os.open(path, os.O_WRONLY), stream)
-    os.environ.clear()
-    os.environ.update(environment)
+    take(environment)
     sys.exit(import_module(module).main(argument))
 
 
@@ -44,7 +37,7 @@ class Processes:
         self._done: SimpleQueue[Done] = SimpleQueue()
         self._running: set[Any] = set()
         self._closed = threading.Event()
-        CONTEXT.set_forkserver_preload([program.module, *program.loads])
+        load_beforehand((program.module, *program.loads))
         self._threads = [threading.Thread(target=self._work, daemon=True) for _ in range(count)]
         for thread in self._threads:
             thread.start()

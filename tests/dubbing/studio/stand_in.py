@@ -15,6 +15,7 @@ import uvicorn
 from PIL import Image
 from starlette.testclient import TestClient
 
+import dubbing.cli.main as cli
 from dubbing.cli.page_commands import listening
 from dubbing.manifest.manifest import load
 from dubbing.script.timeline import Cue, Edit
@@ -102,6 +103,12 @@ def serve(pipe: Connection, manifest: str, device: str) -> None:
     drafting.serve(pipe, manifest, device)
 
 
+def main() -> None:
+    """The command line, with stand-ins."""
+    fakes.install(setattr)
+    cli.main()
+
+
 @contextmanager
 def server(manifest: Path, port: int = 0) -> Iterator[str]:
     """The page's server in a thread; gives its address."""
@@ -109,7 +116,7 @@ def server(manifest: Path, port: int = 0) -> Iterator[str]:
     port = listener.getsockname()[1]
     drafter = Drafter(manifest, target=serve)
     own = {"token": TOKEN, "host": "127.0.0.1", "port": port, "password": False}
-    making = Making(manifest, "auto", "tests.fakes")
+    making = Making(manifest, "auto", __name__)
     app = app_of(Project(load(manifest)), drafter, making, **own)
     running = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=1))
     thread = threading.Thread(target=running.run, kwargs={"sockets": [listener]}, daemon=True)
@@ -131,6 +138,6 @@ def client_of(manifest: Path, **guard: Any) -> TestClient:
     """A client of the server of a manifest, which others may guard differently."""
     drafter = Drafter(manifest, target=serve)
     own = {"token": TOKEN, "host": "127.0.0.1", "port": 8711, "password": False, **guard}
-    making = Making(manifest, "auto", "tests.fakes")
+    making = Making(manifest, "auto", __name__)
     app = app_of(Project(load(manifest)), drafter, making, **own)
     return TestClient(app, HERE, headers={"origin": HERE}, follow_redirects=False)

@@ -308,8 +308,8 @@ def test_the_words_of_a_run_name_the_stage_that_runs(manifest: Path) -> None:
             yield json.dumps({"event": event, **about})
             said.append(making.state()["words"])
 
-    making._process = process = SimpleNamespace(stdout=lines(), wait=lambda: 0)  # type: ignore[assignment]
-    making._watch(process)  # type: ignore[arg-type]
+    making._process = process = SimpleNamespace(join=lambda: None, exitcode=0)
+    making._watch(lines(), process)
     assert said[1:3] == ["7 of 10 stages, render 0%", "7 of 10 stages, render 89%"]
     assert said[-1] == "8 of 10 stages, composite 0%"
     assert making.state() == {"dub": "", "running": False, "words": "made"}
