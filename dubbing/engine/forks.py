@@ -3,6 +3,7 @@
 Loading torch and OpenCV takes a process two to four seconds, longer than a short line needs.
 """
 
+import gc
 import multiprocessing
 import os
 import sys
@@ -18,7 +19,11 @@ def load_beforehand(modules: Iterable[str]) -> None:
     CONTEXT.set_forkserver_preload([*modules])
 
 
-def take(environment: Mapping[str, str]) -> None:
-    """Take on the environment of who started this process; that of a fork may be older."""
+def begin(environment: Mapping[str, str]) -> None:
+    """The first call in a process; its environment is that of who started it.
+
+    That of the process that it is a fork of may be older.
+    """
     os.environ.clear()
     os.environ.update(environment)
+    gc.freeze()  # or Python looks again and again for what is of no use in all that was loaded

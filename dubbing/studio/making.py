@@ -15,7 +15,7 @@ from threading import Lock, Thread
 from typing import Any
 
 from dubbing.engine.environment import of_children
-from dubbing.engine.forks import CONTEXT, take
+from dubbing.engine.forks import CONTEXT, begin
 from dubbing.errors import ExplainedError
 
 ENDS = {0: "made", 3: "made; its sync check failed"}
@@ -23,23 +23,26 @@ ENDS = {0: "made", 3: "made; its sync check failed"}
 ENDS |= dict.fromkeys((130, -signal.SIGTERM), "stopped; it goes on where it was")
 
 
-class _Printed(io.TextIOBase):
-    """Sends all that is printed."""
+class _Printed(io.RawIOBase):
+    """Sends all that is written."""
 
     def __init__(self, pipe: Connection) -> None:
         self._pipe = pipe
 
-    def write(self, text: str) -> int:
-        self._pipe.send(text)
-        return len(text)
+    def writable(self) -> bool:
+        return True
+
+    def write(self, data: Any) -> int:
+        self._pipe.send_bytes(data)
+        return len(data)
 
 
 def run(
     program: str, arguments: list[str], environment: Mapping[str, str], pipe: Connection
 ) -> None:
     """Run a program's `main` in the process that was started for it."""
-    take(environment)
-    sys.stdout = sys.stderr = _Printed(pipe)  # type: ignore[assignment]
+    begin(environment)
+    sys.stdout = sys.stderr = io.TextIOWrapper(_Printed(pipe), "utf-8", write_through=True)  # type: ignore[type-var]
     sys.argv = ["dfrf", *arguments]
     import_module(program).main()
 
@@ -111,9 +114,9 @@ class Making:
 
 def lines(pipe: Connection) -> Iterator[str]:
     """The lines that are printed at the other end, until it is closed."""
-    begun = ""
+    begun = b""
     with suppress(EOFError, OSError):
         while True:
-            *whole, begun = (begun + pipe.recv()).split("\n")
-            yield from whole
-    yield begun
+            *whole, begun = (begun + pipe.recv_bytes()).split(b"\n")
+            yield from (line.decode("utf-8", "replace") for line in whole)
+    yield begun.decode("utf-8", "replace")

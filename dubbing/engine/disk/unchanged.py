@@ -1,12 +1,12 @@
 """Keeps findings about files for as long as these do not change."""
 
-import atexit
 import functools
 import os
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from multiprocessing.util import Finalize
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -86,7 +86,9 @@ def keep_in(file: Path, version: str) -> None:
     if FINDINGS.known is None:
         kept = json_records.read_or(None, file, Kept)
         FINDINGS.known = known = kept["known"] if kept and kept["version"] == version else {}
-        atexit.register(_keep, known, file, version, next(reversed(known.items()), None))
+        last = next(reversed(known.items()), None)
+        # Unlike `atexit`, at the end of a process of multiprocessing, too.
+        Finalize(None, _keep, (known, file, version, last), exitpriority=0)
 
 
 def _keep(known: Known, file: Path, version: str, last: tuple[str, Any] | None) -> None:

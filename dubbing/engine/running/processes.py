@@ -10,7 +10,7 @@ from queue import Empty, PriorityQueue, SimpleQueue
 from typing import Any
 
 from ..environment import of_children
-from ..forks import CONTEXT, load_beforehand, take
+from ..forks import CONTEXT, begin, load_beforehand
 from ..graph.stage_id import StageId
 from .executors import FAILED, Done, Program, Task, result
 from .outcome import failure_of
@@ -22,7 +22,7 @@ def run_captured(
     """Run a `Program` in the process that was started for it; what it prints goes to files."""
     for stream, path in ((1, out), (2, error)):
         os.dup2(os.open(path, os.O_WRONLY), stream)
-    take(environment)
+    begin(environment)
     sys.exit(import_module(module).main(argument))
 
 

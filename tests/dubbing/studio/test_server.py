@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import gc
 import json
+import os
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,11 +19,12 @@ from starlette.testclient import TestClient
 
 from dfrf.field.audio import NEIGHBOURS
 from dfrf.field.speaker_adaptation import CONTEXT_FRAMES
+from dubbing.engine.forks import CONTEXT
 from dubbing.errors import ExplainedError
 from dubbing.manifest.edits.edits_file import edits_file
 from dubbing.manifest.manifest import load
 from dubbing.script.timeline import Edit
-from dubbing.studio.making import Making
+from dubbing.studio.making import Making, lines, run
 from dubbing.studio.project import REACH, Project
 from dubbing.studio.server import Server
 from tests import clips
@@ -297,7 +299,7 @@ def test_the_words_of_a_run_name_the_stage_that_runs(manifest: Path) -> None:
     making, said = Making(manifest, "auto"), []
     render, composite = {"stage": "render ann_0000005-0000020"}, {"stage": "composite"}
 
-    def lines() -> Iterator[str]:
+    def printed() -> Iterator[str]:
         for event, about in (
             ("overall", {"done": 7, "total": 10}),
             ("begin", render),
@@ -309,10 +311,29 @@ def test_the_words_of_a_run_name_the_stage_that_runs(manifest: Path) -> None:
             said.append(making.state()["words"])
 
     making._process = process = SimpleNamespace(join=lambda: None, exitcode=0)
-    making._watch(lines(), process)
+    making._watch(printed(), process)
     assert said[1:3] == ["7 of 10 stages, render 0%", "7 of 10 stages, render 89%"]
     assert said[-1] == "8 of 10 stages, composite 0%"
     assert making.state() == {"dub": "", "running": False, "words": "made"}
+
+
+def test_all_that_a_run_prints_arrives(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "printing.py").write_text("""
+import sys, typer
+def main():
+    typer.echo("öffnet, " + " ".join(sys.argv))
+    print("zwei", end="")
+    typer.echo(" Žižek", err=True)
+    sys.exit(3)
+""")
+    monkeypatch.syspath_prepend(tmp_path)
+    pipe, other = CONTEXT.Pipe(duplex=False)
+    process = CONTEXT.Process(target=run, args=("printing", ["dub"], {**os.environ}, other))
+    process.start()
+    other.close()
+    assert [*lines(pipe)] == ["öffnet, dfrf dub", "zwei Žižek", ""]
+    process.join()
+    assert process.exitcode == 3
 
 
 def test_curves_that_fail_for_somebody_who_left_are_no_complaint() -> None:

@@ -26,6 +26,15 @@ print(look(Path(sys.argv[3])))
 """
 
 
+IN_A_CHILD = f"""
+from multiprocessing import get_context
+
+child = get_context("fork").Process(target=exec, args=({LOOK!r}, {{"__name__": ""}}))
+child.start()
+child.join()
+"""
+
+
 @pytest.fixture
 def text(tmp_path: Path) -> Path:
     path = tmp_path / "text"
@@ -33,9 +42,11 @@ def text(tmp_path: Path) -> Path:
     return path
 
 
-def look(kept: Path, text: Path, version: str = "1", settled: float = 0) -> list[str]:
+def look(
+    kept: Path, text: Path, version: str = "1", settled: float = 0, program: str = LOOK
+) -> list[str]:
     """The output of a process that looks into the text; it trusts files of so many seconds."""
-    command = [sys.executable, "-c", LOOK, str(kept), version, str(text), str(settled)]
+    command = [sys.executable, "-c", program, str(kept), version, str(text), str(settled)]
     return subprocess.check_output(command, text=True).split()
 
 
@@ -48,6 +59,13 @@ def test_a_later_process_reads_a_file_again_only_if_it_changed(tmp_path: Path, t
     text.write_text("new")  # as long, and its time is put back
     os.utime(text, ns=(was.st_atime_ns, was.st_mtime_ns))
     assert look(kept, text, version="2") == ["read", "new"]
+
+
+def test_a_child_of_multiprocessing_keeps_what_it_finds(tmp_path: Path, text: Path) -> None:
+    """It ends without what `atexit` is for."""
+    kept = tmp_path / "files.json"
+    assert look(kept, text, program=IN_A_CHILD) == ["read", "old"]
+    assert look(kept, text, program=IN_A_CHILD) == ["old"]
 
 
 def test_a_file_that_has_just_changed_is_not_trusted(tmp_path: Path, text: Path) -> None:
