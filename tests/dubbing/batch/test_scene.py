@@ -8,6 +8,7 @@ import re
 import shutil
 from contextlib import closing
 from fractions import Fraction
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -262,6 +263,11 @@ def test_another_process_finds_each_stage_by_its_key(scene: Path) -> None:
         for name, stage in job.stages.items():
             assert found[name].folder == stage.folder
             assert found[name].fingerprints() == stage.fingerprints()
+
+
+def test_what_is_loaded_beforehand_is_there() -> None:
+    """Python says nothing of a module that it cannot load for the forks to come."""
+    assert all(map(find_spec, task.LOADED))
 
 
 def test_processes_make_a_scene_with_the_same_bytes(
