@@ -13,10 +13,13 @@ from typing import Any
 # Elsewhere forks are not safe, or there are none: each process loads everything.
 CONTEXT: Any = multiprocessing.get_context("forkserver" if sys.platform == "linux" else "spawn")
 
+LOADED: list[str] = []  # names of modules
+
 
 def load_beforehand(modules: Iterable[str]) -> None:
-    """Name the modules that are loaded once; before the first process is started."""
-    CONTEXT.set_forkserver_preload([*modules])
+    """Name modules that are loaded once, when the first process is started, beside those named."""
+    LOADED.extend(name for name in modules if name not in LOADED)
+    CONTEXT.set_forkserver_preload(LOADED)
 
 
 def begin(environment: Mapping[str, str]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import itertools
 from collections.abc import AsyncGenerator, Callable
+from contextlib import suppress
 from multiprocessing.connection import Connection
 from pathlib import Path
 from threading import Lock, Thread
@@ -60,7 +61,6 @@ class Drafter:
         """End the process."""
         with self._lock:
             if self._process is not None:
-                self._pipe.close()
                 self._process.terminate()
                 self._process.join()
                 self._process = None
@@ -85,12 +85,10 @@ class Drafter:
 
     def _receive(self, pipe: Connection) -> None:
         """Hand answers on until the process ends, and its end then."""
-        while True:
-            try:
+        with pipe, suppress(EOFError, OSError):
+            while True:
                 answer = pipe.recv()
-            except (EOFError, OSError):
-                break
-            if deliver := self._asked.get(answer.number):
-                deliver(answer)
+                if deliver := self._asked.get(answer.number):
+                    deliver(answer)
         for deliver in list(self._asked.values()):
             deliver(GONE)

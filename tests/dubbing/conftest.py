@@ -12,10 +12,15 @@ import pytest
 import soundfile
 
 from dubbing import media
+from dubbing.batch import task
+from dubbing.engine.forks import load_beforehand
 from dubbing.media import VideoWriter
 from dubbing.workshop.synthetic.speaker import make_speaker
 from tests import clips, fakes
 from tests.dubbing.studio.browser import Browser, browser
+
+# In whichever test the first process is started.
+load_beforehand((*task.LOADED, "tests.fakes", "tests.dubbing.studio.stand_in"))
 
 TEXT = "The quick brown fox jumps over the lazy dog, and then we walked back home."
 RATE = Fraction(25)

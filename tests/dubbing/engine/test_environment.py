@@ -13,6 +13,11 @@ from dubbing.provenance import card
 PATHS = ("PATH", "LD_LIBRARY_PATH", "PYTHONPATH", "XDG_DATA_DIRS", "OPENCV_VIDEOIO_PLUGIN_PATH")
 
 
+def unsettled() -> dict[str, str]:
+    """The environment as a user's is: of this process it may be settled."""
+    return {name: value for name, value in os.environ.items() if name != environment.SAFE_PATH}
+
+
 def entries(found: dict[str, str]) -> dict[str, list[str]]:
     return {name: found[name].split(os.pathsep) for name in PATHS if name in found}
 
@@ -55,7 +60,7 @@ def test_nor_by_python_m_dubbing(tmp_path: Path) -> None:
     for module in ("argparse", "typer", "json", "pathlib", "torch"):
         (tmp_path / f"{module}.py").write_text("raise SystemExit('ran')")
     call = [sys.executable, "-m", "dubbing", "--version"]
-    env = {**os.environ, "PYTHONPATH": environment.PACKAGES}
+    env = {**unsettled(), "PYTHONPATH": environment.PACKAGES}
     done = subprocess.run(call, cwd=tmp_path, env=env, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
 
@@ -75,7 +80,7 @@ if __name__ == "__main__":
     process.join()
     sys.exit(process.exitcode)
 """)
-    env = {**os.environ, "PYTHONPATH": environment.PACKAGES}
+    env = {**unsettled(), "PYTHONPATH": environment.PACKAGES}
     call = [sys.executable, str(program)]
     done = subprocess.run(call, cwd=tmp_path, env=env, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")

@@ -1,6 +1,5 @@
 """A scene that can be drafted, with its film and its stages made once."""
 
-import multiprocessing
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -8,23 +7,11 @@ from pathlib import Path
 import pytest
 from starlette.testclient import TestClient
 
-from dubbing.studio import drafter
 from tests import fakes
 from tests.dubbing.batches import dub
-from tests.dubbing.studio import stand_in
 from tests.dubbing.studio.browser import Browser, Page
 from tests.dubbing.studio.pages import opened
 from tests.dubbing.studio.stand_in import TOKEN, client_of, server, write_scene
-
-
-@pytest.fixture(autouse=True, scope="session")
-def loaded() -> Iterator[None]:
-    """Processes that draw begin with all modules loaded, which takes seconds otherwise."""
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload([stand_in.__name__])
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(drafter, "CONTEXT", context)
-        yield
 
 
 @pytest.fixture(scope="session")

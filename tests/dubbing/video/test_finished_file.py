@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from dubbing import media
+from dubbing.engine.environment import of_children
 from dubbing.errors import RenderingError
 from dubbing.mixing.sound import Sound
 from dubbing.preparation.prepared import PreparedClip
@@ -196,8 +197,8 @@ def test_memory_does_not_grow_with_the_length(tmp_path: Path) -> None:
     def peak(frames: int) -> int:
         folder = tmp_path / str(frames)
         folder.mkdir()
-        command = [sys.executable, "-c", code, str(folder), str(frames)]
-        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        command, env = [sys.executable, "-c", code, str(folder), str(frames)], of_children()
+        done = subprocess.run(command, env=env, capture_output=True, text=True, check=True)
         return int(done.stdout)
 
     assert (
