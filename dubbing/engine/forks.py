@@ -29,4 +29,4 @@ def begin(environment: Mapping[str, str]) -> None:
     """
     os.environ.clear()
     os.environ.update(environment)
-    gc.freeze()  # or Python looks again and again for what is of no use in all that was loaded
+    gc.freeze()  # or the collector goes through all that was loaded, for two seconds of a dub
