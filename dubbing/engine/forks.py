@@ -3,30 +3,36 @@
 Loading torch and OpenCV takes a process two to four seconds, longer than a short line needs.
 """
 
-import gc
 import multiprocessing
 import os
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
+
+from .environment import of_children
 
 # Elsewhere forks are not safe, or there are none: each process loads everything.
 CONTEXT: Any = multiprocessing.get_context("forkserver" if sys.platform == "linux" else "spawn")
 
-LOADED: list[str] = []  # names of modules
+NAMED: list[str] = []
 
 
 def load_beforehand(modules: Iterable[str]) -> None:
     """Name modules that are loaded once, when the first process is started, beside those named."""
-    LOADED.extend(name for name in modules if name not in LOADED)
-    CONTEXT.set_forkserver_preload(LOADED)
+    NAMED.extend(name for name in modules if name not in NAMED)
+    CONTEXT.set_forkserver_preload(NAMED)
 
 
-def begin(environment: Mapping[str, str]) -> None:
-    """The first call in a process; its environment is that of who started it.
+def process(target: Callable[..., object], *arguments: Any, daemon: bool = False) -> Any:
+    """A process that calls a function; it is not started yet.
 
-    That of the process that it is a fork of may be older.
+    Its environment is that of now. That of the process that it is a fork of may be older.
     """
+    call = of_children(), target, *arguments
+    return CONTEXT.Process(target=_begin, args=call, daemon=daemon)
+
+
+def _begin(environment: Mapping[str, str], target: Callable[..., object], *arguments: Any) -> None:
     os.environ.clear()
     os.environ.update(environment)
-    gc.freeze()  # or the collector goes through all that was loaded, for two seconds of a dub
+    target(*arguments)

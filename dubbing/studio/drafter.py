@@ -11,7 +11,7 @@ from pathlib import Path
 from threading import Lock, Thread
 from typing import Any
 
-from dubbing.engine.forks import CONTEXT
+from dubbing.engine.forks import CONTEXT, process
 from dubbing.errors import ExplainedError
 from dubbing.studio.drafting import Answer, Job, serve
 
@@ -69,9 +69,7 @@ class Drafter:
         with self._lock:
             if self._process is None or not self._process.is_alive():
                 self._pipe, other = CONTEXT.Pipe()
-                self._process = CONTEXT.Process(
-                    target=self.target, args=(other, *self.call), daemon=True
-                )
+                self._process = process(self.target, other, *self.call, daemon=True)
                 self._process.start()
                 other.close()
                 Thread(target=self._receive, args=(self._pipe,), daemon=True).start()

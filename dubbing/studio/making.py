@@ -6,7 +6,7 @@ import io
 import json
 import signal
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from importlib import import_module
 from multiprocessing.connection import Connection
@@ -14,8 +14,7 @@ from pathlib import Path
 from threading import Lock, Thread
 from typing import Any
 
-from dubbing.engine.environment import of_children
-from dubbing.engine.forks import CONTEXT, begin
+from dubbing.engine.forks import CONTEXT, process
 from dubbing.errors import ExplainedError
 
 ENDS = {0: "made", 3: "made; its sync check failed"}
@@ -37,11 +36,8 @@ class _Printed(io.RawIOBase):
         return len(data)
 
 
-def run(
-    program: str, arguments: list[str], environment: Mapping[str, str], pipe: Connection
-) -> None:
+def run(program: str, arguments: list[str], pipe: Connection) -> None:
     """Run a program's `main` in the process that was started for it."""
-    begin(environment)
     sys.stdout = sys.stderr = io.TextIOWrapper(_Printed(pipe), "utf-8", write_through=True)  # type: ignore[type-var]
     sys.argv = ["dfrf", *arguments]
     import_module(program).main()
@@ -55,7 +51,7 @@ class Making:
         program: a module whose `main` is the command line.
     """
 
-    def __init__(self, manifest: Path, device: str, program: str = "dubbing.cli.main") -> None:
+    def __init__(self, manifest: Path, device: str, program: str = "dubbing.__main__") -> None:
         self._program = program
         self._call = ["dub", str(manifest), "--device", device, "--json"]
         self._lock = Lock()
@@ -81,8 +77,8 @@ class Making:
                 raise ExplainedError(f"{self._dub} is being made", remedy="wait, or stop it")
             self._dub, self._words, self._done = dub, "begins", (0, 0)
             pipe, other = CONTEXT.Pipe(duplex=False)
-            call = (self._program, [*self._call, f"--only={dub}"], of_children(), other)
-            self._process = CONTEXT.Process(target=run, args=call, daemon=True)
+            call = [*self._call, f"--only={dub}"]
+            self._process = process(run, self._program, call, other, daemon=True)
             self._process.start()
             other.close()
             Thread(target=self._watch, args=(lines(pipe), self._process), daemon=True).start()
@@ -92,7 +88,7 @@ class Making:
         with suppress(AttributeError):
             self._process.terminate()
 
-    def _watch(self, printed: Iterable[str], process: Any) -> None:
+    def _watch(self, printed: Iterable[str], running: Any) -> None:
         failed = ""
         for line in printed:
             try:
@@ -107,8 +103,8 @@ class Making:
             elif event["event"] == "result":
                 lost = [one["failure"] for one in event["jobs"].values() if one["failure"]]
                 failed = f"{lost[0]['stage']}: {lost[0]['what']}" if lost else failed
-        process.join()
-        self._words = ENDS.get(process.exitcode, f"not made: {failed}" if failed else "not made")
+        running.join()
+        self._words = ENDS.get(running.exitcode, f"not made: {failed}" if failed else "not made")
         self._process = None
 
 

@@ -9,20 +9,16 @@ from pathlib import Path
 from queue import Empty, PriorityQueue, SimpleQueue
 from typing import Any
 
-from ..environment import of_children
-from ..forks import CONTEXT, begin, load_beforehand
+from .. import forks
 from ..graph.stage_id import StageId
 from .executors import FAILED, Done, Program, Task, result
 from .outcome import failure_of
 
 
-def run_captured(
-    module: str, argument: str, environment: dict[str, str], out: str, error: str
-) -> None:
+def run_captured(module: str, argument: str, out: str, error: str) -> None:
     """Run a `Program` in the process that was started for it; what it prints goes to files."""
     for stream, path in ((1, out), (2, error)):
         os.dup2(os.open(path, os.O_WRONLY), stream)
-    begin(environment)
     sys.exit(import_module(module).main(argument))
 
 
@@ -37,7 +33,7 @@ class Processes:
         self._done: SimpleQueue[Done] = SimpleQueue()
         self._running: set[Any] = set()
         self._closed = threading.Event()
-        load_beforehand((program.module, *program.loads))
+        forks.load_beforehand((program.module, *program.loads))
         self._threads = [threading.Thread(target=self._work, daemon=True) for _ in range(count)]
         for thread in self._threads:
             thread.start()
@@ -84,8 +80,7 @@ class Processes:
             files = [Path(folder, name) for name in ("out", "error")]
             for file in files:
                 file.touch()
-            call = (*self._program.call(task), of_children(), *map(str, files))
-            process = CONTEXT.Process(target=run_captured, args=call)
+            process = forks.process(run_captured, *self._program.call(task), *map(str, files))
             process.start()
             self._running.add(process)
             if self._closed.is_set():

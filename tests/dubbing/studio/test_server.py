@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import gc
 import json
-import os
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,7 +18,7 @@ from starlette.testclient import TestClient
 
 from dfrf.field.audio import NEIGHBOURS
 from dfrf.field.speaker_adaptation import CONTEXT_FRAMES
-from dubbing.engine.forks import CONTEXT
+from dubbing.engine import forks
 from dubbing.errors import ExplainedError
 from dubbing.manifest.edits.edits_file import edits_file
 from dubbing.manifest.manifest import load
@@ -327,13 +326,13 @@ def main():
     sys.exit(3)
 """)
     monkeypatch.syspath_prepend(tmp_path)
-    pipe, other = CONTEXT.Pipe(duplex=False)
-    process = CONTEXT.Process(target=run, args=("printing", ["dub"], {**os.environ}, other))
-    process.start()
+    pipe, other = forks.CONTEXT.Pipe(duplex=False)
+    running = forks.process(run, "printing", ["dub"], other)
+    running.start()
     other.close()
     assert [*lines(pipe)] == ["öffnet, dfrf dub", "zwei Žižek", ""]
-    process.join()
-    assert process.exitcode == 3
+    running.join()
+    assert running.exitcode == 3
 
 
 def test_curves_that_fail_for_somebody_who_left_are_no_complaint() -> None:
