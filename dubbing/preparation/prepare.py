@@ -28,6 +28,7 @@ from dubbing.preparation.contact_sheet import contact_sheet, frames_shown
 from dubbing.preparation.covering.light import noticed
 from dubbing.preparation.covering.occlusion import covered_step
 from dubbing.preparation.covering.overlay import Overlay, overlay_step
+from dubbing.preparation.covering.still_graphics import StillGraphics
 from dubbing.preparation.crops.tracked_crops import (
     ALPHA,
     CROPS,
@@ -146,7 +147,9 @@ def _track(
         return covered_step(crops, *places, bundle["shape"], views, report)
 
     def find_overlay(report: ReportShare) -> Arrays:
-        return overlay_step(Overlay(crops, *places, bundle["shape"], light), overlay, info, report)
+        graphics = StillGraphics(crops, places[0], surveyed["window"], *places[1:])
+        colours = Overlay(crops, *places, bundle["shape"], light)
+        return overlay_step(colours, graphics, overlay, info, report)
 
     light = steps.run("occlusion", find_covered)
     over = steps.run("overlay", find_overlay, overlay)["over"]

@@ -30,6 +30,7 @@ from dubbing.preparation.covering.graphic import (
 )
 from dubbing.preparation.covering.letters import beside, veils
 from dubbing.preparation.covering.occlusion import regions
+from dubbing.preparation.covering.still_graphics import StillGraphics
 from dubbing.preparation.covering.usual_colours import (
     EYES,
     UsualColours,
@@ -224,18 +225,26 @@ class Overlay:
         ]
 
 
-def overlay_step(overlay: Overlay, out: Path, info: MediaInfo, progress: ReportShare) -> Arrays:
+def overlay_step(
+    overlay: Overlay, graphics: StillGraphics, out: Path, info: MediaInfo, progress: ReportShare
+) -> Arrays:
     """Write OUT: a mask of every frame, or a single empty one if nothing lies over the face.
+
+    Args:
+        graphics: of the same clip.
 
     Returns:
         over (T,) bool: frames whose mask is not empty.
     """
-    detections, size = overlay.detections(progress), overlay.crops.shape[1]
-    over = np.zeros(len(overlay.crops), bool)
+    detections = overlay.detections(lambda share: progress(share / 2))
+    graphics.find(lambda share: progress((1 + share) / 2))
+    over, size = np.zeros(len(overlay.crops), bool), overlay.crops.shape[1]
     with VideoWriter(out, size, size, info.rate, "ffv1-gray") as video:
-        if not detections:
+        if not (detections or graphics.found):
             video.write(np.zeros((size, size), np.uint8))
-        for t, mask in enumerate(overlay.masks(detections) if detections else ()):
-            video.write(mask)
-            over[t] = mask.any()
+            return {"over": over}
+        for t, mask in enumerate(overlay.masks(detections)):
+            whole = np.maximum(mask, graphics.mask(t))
+            video.write(whole)
+            over[t] = whole.any()
     return {"over": over}

@@ -15,6 +15,7 @@ from dubbing.face.mouth.lip_region import lip_region
 from dubbing.media import read_frames
 from dubbing.preparation.covering.occlusion import covered_step
 from dubbing.preparation.covering.overlay import Overlay, overlay_step
+from dubbing.preparation.covering.still_graphics import StillGraphics
 from dubbing.preparation.tracking.procrustes import head_frame, mean_shape
 
 pytestmark = pytest.mark.medium
@@ -69,7 +70,9 @@ def look(frames: np.ndarray, points: np.ndarray, out: Path) -> tuple[np.ndarray,
     light = covered_step(frames, points, valid, one, shape, views, lambda _: None)
     overlay = Overlay(frames, points, valid, one, shape, light)
     info = cast("MediaInfo", SimpleNamespace(rate=Fraction(25)))
-    over = overlay_step(overlay, out, info, lambda _: None)["over"]
+    window = np.tile([0.0, 0, frames.shape[1]], (len(frames), 1))
+    graphics = StillGraphics(frames, points, window, valid, one)
+    over = overlay_step(overlay, graphics, out, info, lambda _: None)["over"]
     return np.stack(list(read_frames(out, pixels="gray"))), over
 
 
