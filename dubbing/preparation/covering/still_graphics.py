@@ -17,6 +17,7 @@ from dubbing.engine.graph.stage import ReportShare
 from dubbing.face.mesh_points import CHIN, FACE_OVAL, NOSE_BASE
 from dubbing.face.mouth.lip_region import lip_region
 from dubbing.preparation.covering.graphic import LIPS
+from dubbing.preparation.covering.panels import panels_of
 from dubbing.preparation.covering.still_edges import STRONG, Film, edges_of, moved, standing
 from dubbing.preparation.covering.usual_colours import eye_distance, to_face
 from dubbing.preparation.crops.threads import in_order
@@ -29,15 +30,10 @@ LESS = 0.4  # of how much a place of the face changes that is followed
 # Eye distances:
 MOVED = 0.02  # deviation of the face's motion across an edge
 LEAST = 0.09  # root of the area of all edges
-LINE, OF_FACE = 0.8, 0.3  # length of a panel's edge, and of its part within the face
-CLOSED = 0.75  # of it is seen there
-LEAST_PX = 20  # of it: in fewer, the gaps between small letters are not seen
-GAP = 0.4  # in a straight edge, where the outline of the face moves over it
 GROWN = 0.12  # from an edge that is sure to one of the same letter
 LETTER = 0.06  # radius that closes a letter between its edges
 INSIDE = 0.03  # from the outline of the face
 ONE_WAY = 0.15  # of the edges of a letter, at least, lie along rows, and along columns
-WHOLE = 0.8  # of a panel's edge: so much of the opposite one is seen
 THERE = 0.5  # of a graphic's edges: with less of them in a frame it is not shown
 
 
@@ -90,8 +86,9 @@ def still_graphic(film: Film, frames: Sequence[int]) -> StillGraphic | None:
     nose = points[:, NOSE_BASE].mean(0)
     down = np.abs(across[..., 1]) > np.abs(across[..., 0])
     known = sure | (still & ~inside)
-    panels = _panels(known & down, sure & down, nose[1], eyes)
-    panels |= _panels((known & ~down).T, (sure & ~down).T, nose[0], eyes).T
+    level, upright = known & down, known & ~down
+    panels = panels_of(level, upright, sure & down, nose[1], eyes)
+    panels |= panels_of(upright.T, level.T, (sure & ~down).T, nose[0], eyes).T
     free = cv2.dilate(panels.astype(np.uint8), np.ones((9, 9))) == 0  # px: of its edge
     image = np.mean([image for image, _ in looks], 0).astype(np.float32)
     letters = _letters(still & free & (calmer | ~inside), sure & free, down, image, eyes)
@@ -146,37 +143,6 @@ def _letters(
     hats = [cv2.morphologyEx(luma, kind, wide) for kind in (cv2.MORPH_TOPHAT, cv2.MORPH_BLACKHAT)]
     strokes = max((closed & (hat > STRONG) for hat in hats), key=np.sum).astype(np.uint8)
     return np.asarray(cv2.dilate(strokes, np.ones((3, 3))) > 0)
-
-
-def _panels(still: np.ndarray, sure: np.ndarray, nose: float, eyes: float) -> np.ndarray:
-    """Panels (H, W) bool with a straight edge along a row: on its side that the nose is not on.
-
-    It reaches to the opposite edge, or to the end of the picture.
-
-    Args:
-        still, sure: edges (H, W) that lie along rows. nose: its row.
-    """
-    mask, gap = np.zeros_like(still), np.ones((1, 2 * round(GAP * eyes) + 1), np.uint8)
-    three = np.ones((3, 1), np.uint8)  # an edge is some px wide, and rows are whole
-    thick = cv2.dilate(still.astype(np.uint8), three)
-    lines = cv2.morphologyEx(thick, cv2.MORPH_CLOSE, gap) > 0
-    counts = cv2.dilate(sure.astype(np.uint8), three).sum(1)
-    least = max(LEAST_PX, OF_FACE * eyes)
-    for row in np.flatnonzero(counts >= least):
-        columns = np.flatnonzero(sure[max(0, row - 1) : row + 2].any(0))
-        ends = np.flatnonzero(np.diff(np.r_[0, lines[row].astype(np.int8), 0]))
-        for first, stop in zip(ends[::2], ends[1::2], strict=True):
-            own = columns[(columns >= first) & (columns < stop)]
-            if stop - first < LINE * eyes or len(own) < least:
-                continue
-            if len(own) < CLOSED * np.ptp(own):  # the tops of letters have gaps
-                continue
-            step = 1 if row > nose else -1
-            share = thick[:, first:stop].mean(1)
-            beyond = np.arange(row, len(share) if step > 0 else -1, step)[4:].tolist()
-            end = next((k for k in beyond if share[k] >= WHOLE), [row, *beyond][-1])
-            mask[min(row, end) : max(row, end) + 1, first:stop] = True
-    return mask
 
 
 class StillGraphics:

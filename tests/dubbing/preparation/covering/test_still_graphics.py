@@ -87,6 +87,14 @@ def picture(frame: np.ndarray) -> None:
     frame[205:320, 90:180] = (120, 190, 130)
 
 
+def pole(frame: np.ndarray) -> None:
+    frame[:, 196:210] = (70, 75, 80)
+
+
+def bar(frame: np.ndarray) -> None:
+    frame[236:252, 90:310] = (60, 90, 160)
+
+
 def found(draw: Draw | None, shown: int = FRAMES, **how: float) -> np.ndarray:
     """Masks (T, S, S) bool of a film; the graphic is drawn in its first frames alone."""
     with_it, without = film(draw, **how), film(None, **how)  # type: ignore[arg-type]
@@ -133,6 +141,15 @@ def test_a_picture_in_a_corner_of_the_face() -> None:
     masks, own = found(picture), drawn(picture)
     assert (masks & own & of_face()).sum((1, 2)).min() > 0.95 * (own & of_face()).sum()
     beside = of_face() & (cv2.dilate(own.astype(np.uint8), np.ones((9, 9))) == 0)
+    assert (masks & beside).sum((1, 2)).max() < 0.02 * beside.sum()
+
+
+@pytest.mark.parametrize("draw", [pole, bar])
+def test_between_the_edges_of_a_bar_and_no_further(draw: Draw) -> None:
+    masks, own = found(draw), drawn(draw) & of_face()
+    own[:112] = False  # the lower face
+    assert (masks & own).sum((1, 2)).min() > 0.9 * own.sum()
+    beside = of_face() & (cv2.dilate(drawn(draw).astype(np.uint8), np.ones((7, 7))) == 0)
     assert (masks & beside).sum((1, 2)).max() < 0.02 * beside.sum()
 
 
