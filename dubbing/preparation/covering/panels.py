@@ -48,27 +48,27 @@ def panels_of(
                 continue
             seen = np.flatnonzero(thick[:, first:stop].mean(1) >= WHOLE)
             away = 1 if row > nose else -1
-            ends = {way: _nearest(seen, row, way) for way in (away, -away)}
-            near = {way: end for way, end in ends.items() if abs(end - row) < NEAR * eyes}
+            opposite = {way: _nearest(seen, int(row), way) for way in (away, -away)}
+            near = {way: end for way, end in opposite.items() if abs(end - row) < NEAR * eyes}
             if -away not in near:  # else it is the far edge of a bar, as of a pole
-                outer = ends[away]
+                outer = opposite[away]
                 if not np.isfinite(outer) and (
                     abs(row - nose) > BESIDE * eyes
-                    or _has_corner(other, row, (first, stop), away * round(OF_FACE * eyes))
+                    or _has_corner(other, int(row), (first, stop), away * round(OF_FACE * eyes))
                 ):
-                    outer = len(mask) - 1 if away > 0 else 0
+                    outer = len(mask) - 1.0 if away > 0 else 0.0
                 near[away] = outer
-            for end in near.values():
-                if np.isfinite(end):
-                    mask[int(min(row, end)) : int(max(row, end)) + 1, first:stop] = True
+            for end in filter(np.isfinite, near.values()):
+                low, high = sorted((int(row), round(end)))
+                mask[low : high + 1, first:stop] = True
     return mask
 
 
 def _has_corner(other: np.ndarray, row: int, ends: tuple[int, int], reach: int) -> bool:
     """Whether an edge (H, W) along columns goes on by `reach` px from an end of one in a row."""
     beyond = slice(max(0, min(row, row + reach)), max(row, row + reach))
-    around = [other[beyond, max(0, end - EDGE) : end + EDGE].any(1) for end in ends]
-    return any(len(seen) > 0 and float(seen.mean()) > CLOSED for seen in around)
+    around = (other[beyond, max(0, end - EDGE) : end + EDGE] for end in ends)
+    return any(part.size > 0 and float(np.mean(part.any(axis=1))) > CLOSED for part in around)
 
 
 def _nearest(rows: np.ndarray, row: int, way: int) -> float:
