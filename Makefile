@@ -89,11 +89,11 @@ results: .venv/installed
 		$(METHODS:%=--method %) $(SECONDS:%=--seconds %) $(LPIPS:%=--lpips-weights %) \
 		--commit "$$(git describe --always --dirty)"
 
-# The tables of docs/development/paper.md: people of the manifest PAPER, learned with several seeds and settings, some
-# from the base BASE of dfrf-paper. Takes a day or more; goes on where it stopped.
+# The tables of docs/development/paper.md: people of the manifest PAPER, learned with several seeds and settings. Takes
+# hours; goes on where it stopped, on whatever machine.
 paper-tables: .venv/installed
-	$(BIN)/python -m dubbing.workshop.lab.paper_tables $(PAPER) --base dfrf-paper=$(BASE) --seeds $(SEEDS) \
-		$(SECONDS:%=--seconds %) $(LPIPS:%=--lpips-weights %) --commit "$$(git describe --always --dirty)"
+	$(BIN)/python -m dubbing.workshop.lab.paper_tables $(PAPER) --seeds $(SEEDS) $(SECONDS:%=--seconds %) \
+		$(LPIPS:%=--lpips-weights %) --commit "$$(git describe --always --dirty)"
 
 check: .venv/installed-dev
 	$(BIN)/ruff format --check .

@@ -27,8 +27,8 @@ def evaluate(
         typer.Option(
             metavar="NAME",
             help="dfrf, dfrf-alone (no base), dfrf-nocrops (no crops of mouths), dfrf-paper (nor "
-            "lips: speech learned from pictures alone; name its --base), paper, ad-nerf, "
-            "ad-nerf-nolips (speech from pictures alone) or nerf; may be repeated.",
+            "lips: speech learned from pictures alone), paper, ad-nerf, ad-nerf-nolips (speech "
+            "from pictures alone) or nerf; may be repeated.",
         ),
     ] = None,
     references: Annotated[

@@ -1,7 +1,9 @@
 """The tables of docs/development/paper.md: three of the paper's, on people whom no base knew.
 
 Table 1 compares numbers of references, table 2 lengths of what is learned, table 3 models with and
-without the warp. What was measured is not measured again, so a run that was killed goes on.
+without the warp. The figures of each seed lie beside the document, in a file of its name that ends
+in .json. What stands there is not measured again, on whatever machine it was measured, unless the
+clip, the settings or the weights are others.
 """
 
 from __future__ import annotations
@@ -12,19 +14,23 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from dubbing.engine.disk.files import atomic_write_text
+from dubbing.engine.disk import claims
+from dubbing.engine.disk import json_records as kept
+from dubbing.engine.disk.files import atomic_write_json, atomic_write_text
 from dubbing.errors import ExplainedError
 from dubbing.manifest.checks.preset_checks import base_header
 from dubbing.manifest.manifest import load
 from dubbing.production.production import Production
-from dubbing.workshop.lab.evaluation import Figures, Progress
+from dubbing.shipped.base import shipped_base
+from dubbing.workshop.lab.evaluation import EVALUATION, Figures, Progress
 from dubbing.workshop.lab.result_tables import P15, P15X, table
 from dubbing.workshop.lab.results import (
     Request,
     conditions,
     figures_of,
     filled,
-    measure_seeds,
+    how,
+    measure_seed,
     printer,
     seeds_from,
     with_seed,
@@ -37,6 +43,7 @@ OTHERS = ("nerf", "ad-nerf-nolips")  # that the paper compares in its table of l
 REFERENCES, USUAL = (1, 2, 4, 6), 4
 LENGTHS, LENGTH = (10.0, 15.0, 20.0), 15.0  # learned, seconds
 HELD_OUT = 3.0  # seconds that a clip has beside them, at least
+MADE = "made of"  # a digest, among the figures of a row
 LEFT_OUT = ("flicker", "haarpsi", "sharpness_eyes", "chin_ratio", "old_chin_ratio", "texture_ratio")
 MORE = ("offset", "offset_frames", 1), ("learned in, s", "seconds", 0)
 PICTURES, DUBS = (
@@ -56,22 +63,14 @@ class Row:
         return f"{self.variant}, {self.seconds:g} s"
 
 
-def rows_of_tables(bases: Mapping[str, Path]) -> dict[str, list[Row]]:
-    """The rows of each table by its title.
-
-    Args:
-        bases: of methods, in place of the shipped one.
-    """
-
-    def variant(method: str, references: int = USUAL, warp: bool = True) -> Variant:
-        return Variant(method, references, warp, bases.get(method))
-
-    lengths = [*map(variant, METHODS), *map(Variant, OTHERS)]
+def rows_of_tables() -> dict[str, list[Row]]:
+    """The rows of each table by its title."""
+    lengths = [*(Variant(method, USUAL) for method in METHODS), *map(Variant, OTHERS)]
     return {
-        "Table 1, references": [Row(variant(m, n), LENGTH) for m in METHODS for n in REFERENCES],
+        "Table 1, references": [Row(Variant(m, n), LENGTH) for m in METHODS for n in REFERENCES],
         "Table 2, lengths": [Row(one, seconds) for one in lengths for seconds in LENGTHS],
         "Table 3, the warp": [
-            Row(variant(m, warp=w), LENGTH) for m in METHODS for w in (True, False)
+            Row(Variant(m, USUAL, w), LENGTH) for m in METHODS for w in (True, False)
         ],
     }
 
@@ -86,44 +85,53 @@ def learning(production: Production, seconds: float) -> Production:
     return replace(production, output=production.output / f"learned-{seconds:g}", people=people)
 
 
-def check_bases(production: Production, bases: Mapping[str, Path]) -> None:
-    """Refuses bases that cannot be compared.
+def check_bases(production: Production) -> None:
+    """Refuses people from whom one of the bases was learned.
 
     Raises:
-        ExplainedError: of an unknown method, none where no base is shipped, or one that was learned
-            from somebody who is measured.
+        ExplainedError: there is such a one.
     """
-    for method in bases:
-        preset_of(method)
-    if "dfrf-paper" not in bases:
-        remedy = "train one: dfrf train-base --method dfrf-paper"
-        raise ExplainedError("dfrf-paper has no base", "--base", remedy)
-    for base in bases.values():
+    for base in map(_base_of, METHODS):
         if known := set(base_header(base).get("identities", ())) & set(production.people):
             who = ", ".join(sorted(known))
             raise ExplainedError(f"learned from {who}, so it cannot be measured there", base.name)
 
 
+def _base_of(method: str) -> Path:
+    base = shipped_base(preset_of(method))
+    if base is None:
+        raise ExplainedError(f"no base of {method} comes with this tool")
+    return base
+
+
 def measure(
-    production: Production, rows: Sequence[Row], request: Request, progress: Progress
-) -> list[Figures]:
-    """Figures of rows of one length by their titles, for each seed."""
-    (seconds,) = {row.seconds for row in rows}
-    some = {row.variant: str(row) for row in rows}
+    production: Production,
+    row: Row,
+    seed: int,
+    request: Request,
+    run: Figures,
+    progress: Progress,
+) -> bool:
+    """Adds the figures of a row, under its title, to those of a seed: who is not up to date there.
+
+    Returns:
+        Whether anybody was measured.
+    """
     prepared = replace(learning(production, LENGTH), people=production.people)
-    learned = learning(production, seconds)
-    if not learned.people:
-        return [{} for _ in request.seeds]
-    runs = measure_seeds(
-        learned,
-        replace(request, methods=tuple(some)),
-        progress,
-        with_seed(prepared, request.seeds[0]),
-    )
-    return [
-        {name: {some[v]: found[str(v)] for v in some} for name, found in run.items()}
-        for run in runs
-    ]
+    first = with_seed(prepared, request.seeds[0])
+    learned = with_seed(learning(production, row.seconds), seed)
+    asked, title = replace(request, methods=(row.variant,)), str(row)
+    made = {name: how(learned, name, row.variant, asked) for name in learned.people}
+    stale = {
+        name: person
+        for name, person in learned.people.items()
+        if run.get(name, {}).get(title, {}).get(MADE) != made[name]
+    }
+    if stale:
+        found = measure_seed(replace(learned, people=stale), first, asked, progress)
+        for name, (figures,) in ((name, one.values()) for name, one in found.items()):
+            run.setdefault(name, {})[title] = {**figures, MADE: made[name]}
+    return bool(stale)
 
 
 def document(
@@ -139,11 +147,10 @@ def document(
         ExplainedError: it has no such part.
     """
     lines = conditions(request, today)
-    for variant in dict.fromkeys(row.variant for rows in tables.values() for row in rows):
-        if variant.base is not None and str(variant) == f"{variant.method}-{USUAL}":
-            header = base_header(variant.base)
-            known = len(header.get("identities", ()))
-            lines.append(f"Base of {variant.method}: {header.get('steps')} steps, {known} people.")
+    for method in METHODS:
+        header = base_header(_base_of(method))
+        known = len(header.get("identities", ()))
+        lines.append(f"Base of {method}: {header.get('steps')} steps, {known} people.")
     for title, rows in tables.items():
         names = [str(row) for row in rows]
         own = [
@@ -159,7 +166,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Measures every length, and writes the tables after each."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("manifest", type=Path, metavar="MANIFEST")
-    parser.add_argument("--base", action="append", default=[], metavar="METHOD=FILE")
     parser.add_argument("--seeds", type=seeds_from, default="0,1,2", help="two or more")
     parser.add_argument("--seconds", type=float, help="as of `dfrf evaluate`; all by default")
     parser.add_argument("--lpips-weights", type=Path, help="as of `dfrf evaluate`")
@@ -167,23 +173,24 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--commit", default="unknown", help="as the document names it")
     parser.add_argument("--document", type=Path, default=Path("docs/development/paper.md"))
     given = parser.parse_args(arguments)
-    how = (1, given.seconds, given.lpips_weights, given.device, given.commit)
-    request = Request(given.seeds, (), *how, composition=False)
-    bases = {method: Path(file) for method, _, file in (b.partition("=") for b in given.base)}
-    tables = rows_of_tables(bases)
-    runs: list[Figures] = [{} for _ in given.seeds]
+    asked = (1, given.seconds, given.lpips_weights, given.device, given.commit)
+    request = Request(given.seeds, (), *asked, composition=False)
+    tables, path = rows_of_tables(), given.document.with_suffix(".json")
+    rows = {row: None for table in tables.values() for row in table}
     try:
         text = given.document.read_text(encoding="utf-8")
-        document(text, tables, request, runs, datetime.date.min)  # before hours of work
+        document(text, tables, request, [{}], datetime.date.min)  # before hours of work
         production = load(given.manifest)
-        check_bases(production, bases)
-        for seconds in sorted(LENGTHS, key=lambda one: one != LENGTH):
-            rows = [row for rows in tables.values() for row in rows if row.seconds == seconds]
-            for run, more in zip(runs, measure(production, rows, request, printer()), strict=True):
-                for name, found in more.items():
-                    run.setdefault(name, {}).update(found)
-            done = document(text, tables, request, runs, datetime.date.today())
-            atomic_write_text(given.document, done)
+        check_bases(production)
+        with claims.hold(production.work / EVALUATION):
+            done = kept.read(path, dict[str, Figures], "earlier figures") if path.exists() else {}
+            runs = [done.setdefault(str(seed), {}) for seed in given.seeds]
+            for row in sorted(rows, key=lambda row: row.seconds != LENGTH):
+                for seed, run in zip(given.seeds, runs, strict=True):
+                    if measure(production, row, seed, request, run, printer()):
+                        atomic_write_json(path, done)
+                made = document(text, tables, request, runs, datetime.date.today())
+                atomic_write_text(given.document, made)
     except (OSError, ValueError, ExplainedError) as error:
         parser.error(str(error))
 

@@ -81,24 +81,30 @@ def measure_seeds(
     with claims.hold(production.work / EVALUATION):
         first = prepared or with_seed(production, request.seeds[0])
         return [
-            _measure(with_seed(production, seed), first, request, progress)
+            measure_seed(with_seed(production, seed), first, request, progress)
             for seed in request.seeds
         ]
 
 
-def _measure(
+def measure_seed(
     production: Production, first: Production, request: Request, progress: Progress
 ) -> Figures:
+    """The figures of one seed, identity -> method -> figure -> value, in its production's output.
+
+    Args:
+        production: of this seed, as of `with_seed`.
+        first: the one in whose folder clips are prepared.
+
+    Raises:
+        ExplainedError: as `evaluate` does.
+    """
     path = production.output / DONE_FILE
     done = kept.read(path, dict[str, str], "list of what was measured") if path.exists() else {}
-    for name, person in production.people.items():
+    for name in production.people:
         for method in request.methods:
-            finetune = person_job(method.of(person), production.work).stage(Finetune)
-            read, settings = sorted(finetune.sources().values()), dict(finetune.parameters)
-            frames, lpips = (request.every, request.seconds), request.lpips_weights is not None
-            how = [*frames, lpips, request.composition]
+            finetune = _finetune(production, name, method)
             code = code_version(CODE, finetune.packages, finetune.without_effect)
-            way = digest_data([code, how, person.size, settings, read])
+            way = digest_data([code, how(production, name, method, request)])
             key = f"{name}/{method}"
             if done.get(key) == way:
                 continue
@@ -119,6 +125,19 @@ def _measure(
     found = kept.read(production.output / RESULT_FILE, Figures, "figures")
     methods = [str(method) for method in request.methods]
     return {name: {m: found[name][m] for m in methods} for name in production.people}
+
+
+def how(production: Production, name: str, method: Variant, request: Request) -> str:
+    """A digest of what figures are of, the code aside: files that are read, settings, frames."""
+    finetune = _finetune(production, name, method)
+    read, settings = sorted(finetune.sources().values()), dict(finetune.parameters)
+    frames, lpips = (request.every, request.seconds), request.lpips_weights is not None
+    size = production.people[name].size
+    return digest_data([frames, lpips, request.composition, size, settings, read])
+
+
+def _finetune(production: Production, name: str, method: Variant) -> Finetune:
+    return person_job(method.of(production.people[name]), production.work).stage(Finetune)
 
 
 def _share_prepared(first: Production, production: Production, name: str) -> None:

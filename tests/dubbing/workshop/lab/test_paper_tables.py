@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import datetime
+import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +15,7 @@ from safetensors.numpy import save_file
 from dubbing.engine.disk.files import atomic_write_json
 from dubbing.manifest.manifest import load
 from dubbing.production.production import Production
-from dubbing.workshop.lab import paper_tables, results
+from dubbing.workshop.lab import paper_tables, results, variants
 from dubbing.workshop.lab.evaluation import RESULT_FILE
 from dubbing.workshop.lab.variants import Variant
 from tests import clips
@@ -41,12 +43,20 @@ def path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
-def base(path: Path, *known: str) -> str:
-    """The option that names a base which was learned from these people."""
-    file = path.with_name("base.safetensors")
-    header = str({"identities": [*known], "steps": 7}).replace("'", '"')
-    save_file({"x": np.zeros(1, np.float32)}, file, {"dfrf": header})
-    return f"dfrf-paper={file}"
+@pytest.fixture
+def base(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Writes the base of every method anew: it was learned from these people."""
+
+    def write(*known: str) -> None:
+        header = str({"identities": [*known], "steps": 7}).replace("'", '"')
+        save_file({"x": np.zeros(1, np.float32)}, tmp_path / "base.safetensors", {"dfrf": header})
+
+    bases = {"fast-paper": tmp_path / "base.safetensors"}
+    bases["fast-nocrops"] = bases["fast-paper"]
+    for module in (paper_tables, variants):
+        monkeypatch.setattr(module, "shipped_base", bases.get)
+    write("cy")
+    return write
 
 
 @pytest.fixture
@@ -66,7 +76,6 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
         assert not composition  # it takes longer than a run, and no table shows it
         person = production.people[name]
         made.append((name, person.settings.seed, person.seconds, str(method)))
-        assert (method.base is not None) == (method.method == "dfrf-paper")
         path = production.output / RESULT_FILE
         path.parent.mkdir(parents=True, exist_ok=True)
         found: dict[str, Any] = results.kept.read(path, dict, "") if path.exists() else {}
@@ -79,15 +88,16 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
     return made
 
 
-def run(path: Path, *more: str) -> str:
+def run(path: Path) -> str:
     out = path.with_name("paper.md")
     how = ["--document", str(out), "--device", "cpu", "--seeds", "0,1", "--commit", "abc"]
-    paper_tables.main([str(path), *how, *more])
+    paper_tables.main([str(path), *how])
     return out.read_text()
 
 
+@pytest.mark.usefixtures("base")
 def test_the_tables_and_who_is_in_them(path: Path, calls: Calls) -> None:
-    text = run(path, "--base", base(path, "cy"))
+    text = run(path)
     assert text.startswith("# The paper\n")
     assert text.endswith("\n\nAfter.\n")
     assert "old" not in text
@@ -108,43 +118,49 @@ def test_the_tables_and_who_is_in_them(path: Path, calls: Calls) -> None:
 
 
 def test_a_row_of_several_tables_is_measured_once_and_a_killed_run_goes_on(
-    path: Path, calls: Calls
+    path: Path, calls: Calls, base: Callable[..., None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    text = run(path, "--base", base(path))
+    whole = results.evaluate
+
+    def killed(*given: Any, **more: Any) -> Any:
+        if len(calls) == 9:
+            raise KeyboardInterrupt
+        return whole(*given, **more)
+
+    monkeypatch.setattr(results, "evaluate", killed)
+    with pytest.raises(KeyboardInterrupt):
+        run(path)
+    monkeypatch.setattr(results, "evaluate", whole)
+    shutil.rmtree(path.with_name("out"))  # as on another machine, which has the document's figures
+    text = run(path)
     # 2 methods of 4 references and one without warp, 2 others; those of the middle length again.
-    assert len(calls) == len(set(calls)) == 2 * (2 * (2 * 5 + 2) + 4)
+    assert len(set(calls)) == 2 * (2 * (2 * 5 + 2) + 4)
+    assert len(calls) == len(set(calls)) + 1  # the seed that the kill tore
     before = len(calls)
-    assert run(path, "--base", base(path)) == text
+    shutil.rmtree(path.with_name("out"))
+    assert run(path) == text
     assert len(calls) == before
-    run(path, "--base", base(path, "cy"))  # another base: what starts from it is measured again
+    base("cy", "dan")  # other bases: what starts from them is measured again
+    run(path)
     assert {method for *_, method in calls[before:]} == {
         str(row.variant)
-        for rows in paper_tables.rows_of_tables({"dfrf-paper": Path()}).values()
+        for rows in paper_tables.rows_of_tables().values()
         for row in rows
-        if row.variant.base is not None
+        if row.variant.method in paper_tables.METHODS
     }
 
 
-@pytest.mark.parametrize(
-    ("known", "message"),
-    [
-        ((), "dfrf-paper has no base"),
-        (("bob",), "learned from bob, so it cannot be measured there"),
-    ],
-)
-def test_a_base_that_cannot_be_compared_is_refused(
-    path: Path,
-    calls: Calls,
-    capsys: pytest.CaptureFixture[str],
-    known: tuple[str, ...],
-    message: str,
+def test_a_base_that_knows_somebody_is_refused(
+    path: Path, calls: Calls, base: Callable[..., None], capsys: pytest.CaptureFixture[str]
 ) -> None:
+    base("bob")
     with pytest.raises(SystemExit):
-        run(path, *(("--base", base(path, *known)) if known else ()))
-    assert message in capsys.readouterr().err
+        run(path)
+    assert "learned from bob, so it cannot be measured there" in capsys.readouterr().err
     assert not calls
 
 
+@pytest.mark.usefixtures("base")
 def test_clips_are_prepared_once_for_all_lengths_and_seeds(
     path: Path, calls: Calls, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -154,13 +170,23 @@ def test_clips_are_prepared_once_for_all_lengths_and_seeds(
         "_share_prepared",
         lambda first, *_: shared.add(first.output.relative_to(path.parent)),
     )
-    run(path, "--base", base(path))
+    run(path)
     assert shared == {Path("out/learned-0.4/seeds/0")}
     assert set(load(path).people) == {"ann", "bob"}
 
 
-def test_the_document_of_the_project_has_a_place() -> None:
-    text = (Path(__file__).parents[4] / "docs" / "development" / "paper.md").read_text()
-    request = results.Request((0, 1), (), 1, None, None, "cpu", "abc")
-    made = paper_tables.document(text, {}, request, [{}, {}], datetime.date.today())
-    assert paper_tables.MARKS[0] in made
+def test_the_document_of_the_project_has_a_place_and_figures() -> None:
+    path = Path(__file__).parents[4] / "docs" / "development" / "paper.md"
+    done = results.kept.read(path.with_suffix(".json"), dict[str, Any], "")
+    titles = {str(row) for rows in paper_tables.rows_of_tables().values() for row in rows}
+    measured = {title for run in done.values() for found in run.values() for title in found}
+    assert measured
+    assert measured <= titles
+    tables, request = (
+        paper_tables.rows_of_tables(),
+        results.Request((0, 1), (), 1, None, None, "cpu", "abc"),
+    )
+    made = paper_tables.document(
+        path.read_text(), tables, request, list(done.values()), datetime.date.min
+    )
+    assert all(f" {title} |" in made for title in measured)
