@@ -11,7 +11,7 @@ from dubbing.errors import ExplainedError
 from dubbing.manifest.manifest import load
 from dubbing.pipeline import person_job
 from dubbing.production.person import Person
-from dubbing.shipped.base import BASE
+from dubbing.shipped.base import BASE, PAPER_BASE
 from dubbing.stages.finetune import Finetune
 from dubbing.workshop.lab.variants import PRESET_OF_METHOD, Variant, preset_of, variants
 from tests import clips
@@ -67,11 +67,9 @@ def test_which_base_a_method_starts_from(own: Person) -> None:
         ]
         for method in PRESET_OF_METHOD
     }
-    served = ("dfrf", "dfrf-nocrops")
-    assert starts == {
-        method: [BASE, mine, given] if method in served else [None, None, given]
-        for method in PRESET_OF_METHOD
-    }
+    nothing = {method: [None, None, given] for method in PRESET_OF_METHOD}
+    taught = {method: [BASE, mine, given] for method in ("dfrf", "dfrf-nocrops")}
+    assert starts == {**nothing, **taught, "dfrf-paper": [PAPER_BASE, PAPER_BASE, given]}
     paper = replace(theirs, settings=replace(own.settings, preset="paper"))
     assert Variant("paper").of(paper).base == mine
     assert Variant("dfrf").of(paper).base == BASE
