@@ -35,12 +35,29 @@ class Film:
         apart = self.window[t, :2] - self.window[of, :2]
         return np.asarray(apart * self.crops.shape[1] / self.window[t, 2])
 
-    def look(self, t: int, of: int) -> tuple[np.ndarray, np.ndarray]:
-        """Frame t (H, W, 3) and its points (P, 2), in the window of another."""
-        side = max(1, round(self.scale * self.crops.shape[1]))
-        image, move = moved(self.crops[t], self.move(t, of)), self.move(t, of)
-        small = cv2.resize(image, (side, side), interpolation=cv2.INTER_AREA)
-        return small, (self.points[t][:, :2] + move) * (side / len(image))
+    def look(self, t: int, of: int) -> np.ndarray:
+        """Frame t (H, W, 3) in the window of another."""
+        image = moved(self.crops[t], self.move(t, of))
+        return cv2.resize(image, (self.side, self.side), interpolation=cv2.INTER_AREA)
+
+    def glance(self, t: int, of: int, part: tuple[slice, slice]) -> np.ndarray:
+        """About the part (h, w, 3) of such a frame."""
+        rows, columns = (
+            slice(round(one.start / self.scale), round(one.stop / self.scale)) for one in part
+        )
+        image = moved(self.crops[t], self.move(t, of))[rows, columns]
+        size = part[1].stop - part[1].start, part[0].stop - part[0].start
+        return cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+
+    def at(self, t: int, of: int) -> np.ndarray:
+        """Its points (P, 2)."""
+        size = self.crops.shape[1]
+        return np.asarray((self.points[t][:, :2] + self.move(t, of)) * (self.side / size))
+
+    @property
+    def side(self) -> int:
+        """H and W of what is looked at."""
+        return max(1, round(self.scale * self.crops.shape[1]))
 
 
 def moved(image: np.ndarray, by: np.ndarray) -> np.ndarray:

@@ -30,6 +30,7 @@ LESS = 0.4  # of how much a place of the face changes that is followed
 # Eye distances:
 MOVED = 0.02  # deviation of the face's motion across an edge
 LEAST = 0.09  # root of the area of all edges
+ENOUGH = 0.7  # of it, at a glance
 GROWN = 0.12  # from an edge that is sure to one of the same letter
 LETTER = 0.06  # radius that closes a letter between its edges
 INSIDE = 0.03  # from the outline of the face
@@ -55,32 +56,33 @@ class StillGraphic:
 def still_graphic(film: Film, frames: Sequence[int]) -> StillGraphic | None:
     """What stands still over the face in some frames of a shot, in the window of the middle one."""
     of = frames[len(frames) // 2]
-    looks = [film.look(t, of) for t in frames]
-    points = np.stack([at for _, at in looks])
+    points = np.stack([film.at(t, of) for t in frames])
     eyes = float(np.median([eye_distance(at) for at in points]))
     turns = [to_face(at) for at in points]
     home = _whole(to_face(points[len(frames) // 2]))
-    inside = _inside(points, looks[0][0].shape[:2], eyes)
+    inside = _inside(points, (film.side, film.side), eyes)
     rows, columns = (np.flatnonzero(inside.any(axis)) for axis in (1, 0))
     if not len(rows):
         return None
     part = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
-    some = standing(np.stack([edges_of(image[part]) for image, _ in looks]))[2]
-    if (some & inside[part]).sum() < (LEAST * eyes) ** 2:  # most spans end here, at little cost
+    middle = points[:, [CHIN, NOSE_BASE]].mean((0, 1))
+    ways = np.stack([home[:2, :2].T @ (_whole(t) @ (*middle, 1))[:2] for t in turns])
+    ways = (ways - ways.mean(0)) / np.linalg.norm(home[0, :2]) ** 2
+    seen, _, some = standing(np.stack([edges_of(film.glance(t, of, part)) for t in frames]))
+    some &= inside[part] & _is_crossed(_across(seen), ways, eyes)
+    if some.sum() < ENOUGH * (LEAST * eyes) ** 2:  # most spans end here
         return None
-    mean, change, still = standing(np.stack([edges_of(image) for image, _ in looks]))
+    looks = [film.look(t, of) for t in frames]
+    mean, change, still = standing(np.stack([edges_of(image) for image in looks]))
     size = still.shape[::-1]
     followed = [
         edges_of(cv2.warpAffine(image, (np.linalg.inv(home) @ _whole(turn))[:2], size))
-        for (image, _), turn in zip(looks, turns, strict=True)
+        for image, turn in zip(looks, turns, strict=True)
     ]
     changes = standing(np.stack(followed))[1]
     calmer = cv2.blur(change, (3, 3)) < LESS * cv2.blur(changes, (3, 3))
-    middle, across = points[:, [CHIN, NOSE_BASE]].mean((0, 1)), _across(mean)
-    ways = np.stack([home[:2, :2].T @ (_whole(t) @ (*middle, 1))[:2] for t in turns])
-    # Where the face moves along an edge of its own, that edge stays, too.
-    way = np.abs(across @ ((ways - ways.mean(0)) / np.linalg.norm(home[0, :2]) ** 2).T)
-    sure = still & inside & calmer & (np.sqrt((way**2).mean(2)) > MOVED * eyes)
+    across = _across(mean)
+    sure = still & inside & calmer & _is_crossed(across, ways, eyes)
     if sure.sum() < (LEAST * eyes) ** 2:
         return None
     nose = points[:, NOSE_BASE].mean(0)
@@ -90,7 +92,7 @@ def still_graphic(film: Film, frames: Sequence[int]) -> StillGraphic | None:
     panels = panels_of(level, upright, sure & down, nose[1], eyes)
     panels |= panels_of(upright.T, level.T, (sure & ~down).T, nose[0], eyes).T
     free = cv2.dilate(panels.astype(np.uint8), np.ones((9, 9))) == 0  # px: of its edge
-    image = np.mean([image for image, _ in looks], 0).astype(np.float32)
+    image = np.mean(looks, 0).astype(np.float32)
     letters = _letters(still & free & (calmer | ~inside), sure & free, down, image, eyes)
     if not (panels | letters).any():
         return None
@@ -102,6 +104,15 @@ def _across(edges: np.ndarray) -> np.ndarray:
     strongest = np.abs(edges).sum(3).argmax(2)[..., None, None].repeat(2, 3)
     across = np.take_along_axis(edges, strongest, 2)[:, :, 0]
     return np.asarray(across / np.maximum(np.linalg.norm(across, axis=2), 1e-6)[..., None])
+
+
+def _is_crossed(across: np.ndarray, ways: np.ndarray, eyes: float) -> np.ndarray:
+    """Edges (H, W) bool, by their directions (H, W, 2), that the face moves across by ways (n, 2).
+
+    Where it moves along an edge of its own, that edge stays, too.
+    """
+    crossed: np.ndarray = ((across @ ways.T) ** 2).mean(2) > (MOVED * eyes) ** 2
+    return crossed
 
 
 def _whole(turn: np.ndarray) -> np.ndarray:
@@ -205,7 +216,7 @@ class StillGraphics:
         for of, graphic in near:
             way = self.film.move(t, of).tobytes()
             if way not in seen:
-                seen[way] = edges_of(self.film.look(t, of)[0])
+                seen[way] = edges_of(self.film.look(t, of))
             if graphic.is_in(seen[way]):
                 panels, letters = (
                     moved(cv2.resize(part.astype(np.uint8), (size, size)), self.film.move(of, t))
