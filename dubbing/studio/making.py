@@ -17,9 +17,10 @@ from typing import Any
 from dubbing.engine.forks import CONTEXT, process
 from dubbing.errors import ExplainedError
 
+INTERRUPTED = 130
 ENDS = {0: "made", 3: "made; its sync check failed"}
 # By exit code; the second where the signal came before it was listened to.
-ENDS |= dict.fromkeys((130, -signal.SIGTERM), "stopped; it goes on where it was")
+ENDS |= dict.fromkeys((INTERRUPTED, -signal.SIGTERM), "stopped; it goes on where it was")
 
 
 class _Printed(io.RawIOBase):
@@ -40,7 +41,10 @@ def run(program: str, arguments: list[str], pipe: Connection) -> None:
     """Run a program's `main` in the process that was started for it."""
     sys.stdout = sys.stderr = io.TextIOWrapper(_Printed(pipe), "utf-8", write_through=True)  # type: ignore[type-var]
     sys.argv = ["dfrf", *arguments]
-    import_module(program).main()
+    try:
+        import_module(program).main()
+    except KeyboardInterrupt:  # while it begins or ends, and does not handle it itself
+        raise SystemExit(INTERRUPTED) from None
 
 
 class Making:

@@ -335,6 +335,18 @@ def main():
     assert running.exitcode == 3
 
 
+def test_a_run_that_is_stopped_while_it_begins_is_stopped(
+    manifest: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "beginning.py").write_text("def main():\n    raise KeyboardInterrupt\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    making = Making(manifest, "cpu", "beginning")
+    making.start("it")
+    while making.state()["running"]:
+        time.sleep(0.05)
+    assert making.state()["words"] == "stopped; it goes on where it was"
+
+
 def test_curves_that_fail_for_somebody_who_left_are_no_complaint() -> None:
     said: list[object] = []
 
