@@ -141,6 +141,7 @@ FOLDERS = ("dfrf/", "dubbing/", "tests/", "docs/")
 LONGEST_LINE = 120
 MOST_LINES = {"README.md": 149, "docs/development/method.md": 199}
 MOST_ROWS = {"docs/development/experiments.md": 149}
+LONGEST_ROW = {"docs/development/experiments.md": 330}  # one decision, its main figures
 
 
 def text_of(document: Path) -> str:
@@ -216,8 +217,10 @@ def test_a_document_is_narrow_and_no_longer_than_it_may_be(document: Path) -> No
     wide = [n for n, line in enumerate(lines, 1) if len(line) > LONGEST_LINE]
     assert not [n for n in wide if not lines[n - 1].lstrip().startswith("|")]  # rows of tables
     assert len(lines) <= MOST_LINES.get(str(document), len(lines))
-    rows = sum(line.lstrip().startswith("|") for line in lines)
-    assert rows <= MOST_ROWS.get(str(document), rows)
+    rows = [line for line in lines if line.lstrip().startswith("|")]
+    assert len(rows) <= MOST_ROWS.get(str(document), len(rows))
+    longest = LONGEST_ROW.get(str(document))
+    assert longest is None or max(map(len, rows)) <= longest
 
 
 def test_what_a_document_names_is_found() -> None:
