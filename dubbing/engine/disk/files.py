@@ -1,5 +1,6 @@
 """Writing files whole or not at all (write, fsync, rename), reading them, and their digests."""
 
+import codecs
 import errno
 import hashlib
 import json
@@ -170,13 +171,15 @@ def read_bounded(path: Path, most: int) -> bytes:
 
 
 def read_text(path: Path, most: int) -> str:
-    """The same as text, without a byte order mark.
+    """The same as text, without a byte order mark. UTF-16 needs one; spreadsheets write it.
 
     Raises:
         OSError, ExplainedError: as `read_bounded`; or it is not UTF-8.
     """
+    data = read_bounded(path, most)
+    marked = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     try:
-        return read_bounded(path, most).decode("utf-8-sig")
+        return data.decode("utf-16" if marked else "utf-8-sig")
     except UnicodeDecodeError as error:
         raise ExplainedError("it is not UTF-8", str(path), "save it as UTF-8") from error
 

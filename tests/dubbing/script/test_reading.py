@@ -109,6 +109,22 @@ def test_csv(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("a.srt", SRT),
+        ("a.tsv", CSV.replace(",", "\t")),
+        ("a.ttml", TTML.format(extra="").replace("UTF-8", "UTF-16")),
+    ],
+)
+@pytest.mark.parametrize("order", ["utf-16-le", "utf-16-be"])
+def test_utf_16_as_spreadsheets_save_it(tmp_path: Path, name: str, text: str, order: str) -> None:
+    written, marked = tmp_path / name, tmp_path / f"marked_{name}"
+    written.write_text(text, encoding="utf-8")
+    marked.write_bytes(f"\ufeff{text}".encode(order))
+    assert read_lines(marked, FILM) == read_lines(written, FILM)
+
+
+@pytest.mark.parametrize(
     ("name", "text", "message"),
     [
         ("a.srt", SRT.replace("00:00:03,000 -->", "00:00:3x,000 -->"), "row 7: no times"),
