@@ -25,7 +25,8 @@ from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_OUTER, NOSE, NOSE_BASE,
 from dubbing.face.mouth.mouth_shape import OUTER_LIP
 from dubbing.preparation.prepared import BACKGROUND, MATTE, PreparedClip
 from dubbing.script import timeline
-from dubbing.script.timeline import Cue, Edit
+from dubbing.script.edit import Edit
+from dubbing.script.timeline import Cue
 from dubbing.stages.check import Check
 from dubbing.stages.check_source import CheckSource
 from dubbing.stages.composite import Composite

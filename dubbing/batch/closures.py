@@ -10,7 +10,8 @@ from dubbing.errors import ExplainedError
 from dubbing.manifest.edits.kept_edits import KeptEdits
 from dubbing.manifest.keys import edit_entry
 from dubbing.production.production import Production
-from dubbing.script.timeline import AROUND, HELD, Cue, Edit
+from dubbing.script.edit import AROUND, HELD, Edit
+from dubbing.script.timeline import Cue
 from dubbing.speech import voice_activity as voice
 from dubbing.stages.draft import HalfSize
 

@@ -15,7 +15,7 @@ from dubbing.face.mouth.lip_curves import text_of
 from dubbing.pipeline import DUB
 from dubbing.production.dub import Dub
 from dubbing.production.production import Production
-from dubbing.script.timeline import Edit
+from dubbing.script.edit import Edit
 from dubbing.stages.draft import Draft, HalfSize
 from dubbing.stages.listen import Listen
 

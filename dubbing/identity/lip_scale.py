@@ -14,7 +14,7 @@ from dubbing.face.mouth.lip_curves import LipCurves
 from dubbing.face.mouth.lip_measures import lip_lengths, lips_touch, standardised
 from dubbing.identity.learned import learned
 from dubbing.preparation.prepared import PreparedClip
-from dubbing.script.timeline import Edit
+from dubbing.script.edit import Edit
 
 CLOSED_SHARE = 0.05  # of the frames, as in `dfrf.field.speaker_adaptation`
 PARTING = 0.75  # of the touching frames are closed more than lips that part; by development people

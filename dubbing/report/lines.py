@@ -14,8 +14,9 @@ from dubbing.engine.graph.stage import Stage
 from dubbing.errors import ExplainedError
 from dubbing.preparation.tracking.reach import Reach
 from dubbing.production.dub import Dub
+from dubbing.script.edit import AS_SPOKEN, Edit
 from dubbing.script.edl import Marker, edl
-from dubbing.script.timeline import AS_SPOKEN, Cue, Edit
+from dubbing.script.timeline import Cue
 from dubbing.stages.check import Check
 from dubbing.stages.composite import Composite
 from dubbing.sync.records import SYNC_FILE

@@ -7,7 +7,8 @@ from dubbing.engine.disk.file_digests import digest_of
 from dubbing.engine.disk.files import atomic_write_json, digest_data
 from dubbing.engine.graph.graph import Job
 from dubbing.production.dub import Dub
-from dubbing.script.timeline import TAKES, Cue, Edit
+from dubbing.script.edit import Edit
+from dubbing.script.timeline import TAKES, Cue
 
 FIGURES = "figures.json"  # beside what was rendered of a take
 KEPT = ("verdict", "reason", "offset_ms", "confidence", "closeness", "dubbed")

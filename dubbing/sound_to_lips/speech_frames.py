@@ -9,7 +9,7 @@ import numpy as np
 
 from dfrf.field.speaker_adaptation import PREDICTED
 from dubbing import media
-from dubbing.script.timeline import STYLES
+from dubbing.script.edit import STYLES
 from dubbing.sound_to_lips.predict import predict
 from dubbing.speech import features
 from dubbing.speech import voice_activity as voice

@@ -12,7 +12,7 @@ from dubbing.engine.disk.file_digests import digest_of
 from dubbing.engine.graph.stage import Progress, Rate, Stage
 from dubbing.mixing.sound import Sound
 from dubbing.provenance.mark_key import Marking
-from dubbing.script.timeline import Edit
+from dubbing.script.edit import Edit
 from dubbing.stages.base import DubbingStage, Prepared
 from dubbing.video.settings import VideoSettings
 

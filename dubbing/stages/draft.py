@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar, Self
 
 from dubbing.engine.graph.fields import Setting
 from dubbing.engine.graph.stage import Progress, Rate, Stage
-from dubbing.script.timeline import Edit
+from dubbing.script.edit import Edit
 from dubbing.stages.composite import OnFilm, PersonOnFilm, heads_of
 
 if TYPE_CHECKING:

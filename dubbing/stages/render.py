@@ -12,7 +12,7 @@ from dubbing.engine.disk.file_digests import digest_of
 from dubbing.engine.graph.fields import Setting
 from dubbing.engine.graph.stage import Progress, Rate, Stage
 from dubbing.script import timeline
-from dubbing.script.timeline import Edit
+from dubbing.script.edit import Edit
 from dubbing.stages.base import DubbingStage, Prepared
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ from dubbing.batch.curves import listen_to
 from dubbing.batch.jobs import build
 from dubbing.engine.memory import SHORT
 from dubbing.errors import ExplainedError
-from dubbing.script.timeline import Edit
+from dubbing.script.edit import Edit
 from dubbing.stages.draft import Draft
 from dubbing.studio.film import DRAFT, DUB, FILM, MEASURED, Film, as_jpeg, of_jpeg
 

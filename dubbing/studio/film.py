@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from dubbing.engine.disk.numbered import with_options
 from dubbing.face.mouth.lip_curves import LENGTHS
-from dubbing.script.timeline import AS_SPOKEN, STYLES, Cue, Edit
+from dubbing.script.edit import AS_SPOKEN, STYLES, Edit
+from dubbing.script.timeline import Cue
 from dubbing.stages.draft import Draft
 
 if TYPE_CHECKING:

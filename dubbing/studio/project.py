@@ -24,7 +24,8 @@ from dubbing.production.dub import Dub
 from dubbing.production.production import Production
 from dubbing.report.lines import lines_of
 from dubbing.report.takes import takes_of
-from dubbing.script.timeline import FADE, Cue, Edit
+from dubbing.script.edit import Edit
+from dubbing.script.timeline import FADE, Cue
 from dubbing.stages.draft import Draft
 
 REACH = 7  # frames to each side whose speech a head depends on; see `heads.frame_inputs`

@@ -22,7 +22,7 @@ from starlette.staticfiles import StaticFiles
 from dubbing import design
 from dubbing.errors import ExplainedError
 from dubbing.manifest.edits.kept_edits import StaleError
-from dubbing.script.timeline import Edit
+from dubbing.script.edit import Edit
 from dubbing.studio.drafter import Drafter
 from dubbing.studio.drafting import CLOSURES, WORDS
 from dubbing.studio.film import DRAFT, DUB, MEASURED

@@ -11,7 +11,8 @@ from dubbing.manifest.keys.entries import Dub, Identity
 from dubbing.manifest.keys.findings import Findings, Scene
 from dubbing.manifest.keys.messages import some, suggestion
 from dubbing.manifest.keys.yaml_lines import KeyPath
-from dubbing.script.timeline import Cue, Edit
+from dubbing.script.edit import Edit
+from dubbing.script.timeline import Cue
 
 NO_LIPS = dict.fromkeys(("paper", "ad-nerf", "nerf"), "has no lip measures")
 NO_SPEECH = {"nerf": "hears no speech"}

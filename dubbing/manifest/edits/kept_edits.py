@@ -15,7 +15,8 @@ from dubbing.manifest.keys import edit_entry, yaml_lines
 from dubbing.manifest.keys.findings import Findings, Scene
 from dubbing.manifest.keys.messages import plain
 from dubbing.production.dub import Dub
-from dubbing.script.timeline import Cue, Edit
+from dubbing.script.edit import Edit
+from dubbing.script.timeline import Cue
 
 
 class StaleError(ExplainedError):

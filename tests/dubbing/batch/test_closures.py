@@ -15,7 +15,8 @@ from dubbing.errors import ExplainedError
 from dubbing.manifest.edits.edits_file import edits_file
 from dubbing.manifest.keys import yaml_lines
 from dubbing.manifest.manifest import load
-from dubbing.script.timeline import Cue, Edit
+from dubbing.script.edit import Edit
+from dubbing.script.timeline import Cue
 from tests import clips
 from tests.dubbing.studio.stand_in import write_scene
 

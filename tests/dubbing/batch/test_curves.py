@@ -13,7 +13,8 @@ from dubbing.batch.curves import write_curves
 from dubbing.errors import ExplainedError
 from dubbing.face.mouth.lip_curves import LipCurves
 from dubbing.manifest.manifest import load
-from dubbing.script.timeline import Cue, Edit
+from dubbing.script.edit import Edit
+from dubbing.script.timeline import Cue
 from dubbing.stages.draft import HalfSize
 from tests.dubbing.studio.conftest import made, manifest
 from tests.dubbing.studio.stand_in import lips

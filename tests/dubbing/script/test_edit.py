@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from dubbing.script.timeline import AROUND, HELD, Edit
+from dubbing.script.edit import AROUND, HELD, Edit
 
 RATE = Fraction(100)  # a frame each 10 ms, whose middle counts
 

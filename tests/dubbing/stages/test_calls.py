@@ -16,7 +16,7 @@ from dubbing.engine.graph.stage import Progress, Stage
 from dubbing.errors import PreparationError
 from dubbing.identity.finetune_settings import FinetuneSettings
 from dubbing.identity.lip_scale import LipScale
-from dubbing.script.timeline import Edit
+from dubbing.script.edit import Edit
 from dubbing.sound_to_lips.cue_speech import Speech
 from dubbing.stages.base import Prepared
 from dubbing.stages.check import Check

@@ -15,7 +15,8 @@ from dfrf.field.speaker_adaptation import NUMBERS
 from dubbing.face.mouth.lip_curves import text_of
 from dubbing.identity.lip_scale import LipScale
 from dubbing.preparation.halved import HalvedClip
-from dubbing.script.timeline import Cue, Edit
+from dubbing.script.edit import Edit
+from dubbing.script.timeline import Cue
 from dubbing.sound_to_lips.cue_speech import Speech
 from dubbing.stages.draft import HalfSize
 from tests import clips, fakes

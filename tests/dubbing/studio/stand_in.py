@@ -18,7 +18,8 @@ from starlette.testclient import TestClient
 import dubbing.cli.main as cli
 from dubbing.cli.page_commands import listening
 from dubbing.manifest.manifest import load
-from dubbing.script.timeline import Cue, Edit
+from dubbing.script.edit import Edit
+from dubbing.script.timeline import Cue
 from dubbing.speech import labials
 from dubbing.stages.draft import HalfSize
 from dubbing.studio import drafting

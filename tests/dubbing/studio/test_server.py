@@ -22,7 +22,7 @@ from dubbing.engine import forks
 from dubbing.errors import ExplainedError
 from dubbing.manifest.edits.edits_file import edits_file
 from dubbing.manifest.manifest import load
-from dubbing.script.timeline import Edit
+from dubbing.script.edit import Edit
 from dubbing.studio.making import Making, lines, run
 from dubbing.studio.project import REACH, Project
 from dubbing.studio.server import Server

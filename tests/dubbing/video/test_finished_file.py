@@ -19,7 +19,8 @@ from dubbing.engine.environment import of_children
 from dubbing.errors import RenderingError
 from dubbing.mixing.sound import Sound
 from dubbing.preparation.prepared import PreparedClip
-from dubbing.script.timeline import Cue, Edit, frame_count
+from dubbing.script.edit import Edit
+from dubbing.script.timeline import Cue, frame_count
 from dubbing.video import assembly, composer
 from dubbing.video.assembly import make
 from dubbing.video.files import PICTURE_FILE

@@ -16,7 +16,8 @@ from dubbing.errors import ManifestError
 from dubbing.manifest.edits import edits_file
 from dubbing.manifest.keys import edit_entry as entry
 from dubbing.manifest.manifest import load
-from dubbing.script.timeline import Cue, Edit
+from dubbing.script.edit import Edit
+from dubbing.script.timeline import Cue
 from tests import clips
 
 pytestmark = pytest.mark.medium
