@@ -145,7 +145,8 @@ class Server:
             raise HTTPException(404, f"{name} is not made yet: run dfrf dub")
         marks = await run_in_threadpool(self.project.signatures, name, kind, first, stop)
         missing = wanted.missing(marks)
-        edits = self.project.edits(name) if kind in (DRAFT, MEASURED) else {}
+        of_lips = kind in (DRAFT, MEASURED)
+        edits = await run_in_threadpool(self.project.edits, name) if of_lips else {}
         own = {"kind": kind, "wanted": missing, "edits": edits, "heard": self.project.heard(name)}
         frames = stream(self.drafter.ask("frames", name, **own))
         about = {"x-frames": str(len(missing))}
