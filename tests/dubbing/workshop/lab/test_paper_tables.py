@@ -103,7 +103,7 @@ def test_the_tables_and_who_is_in_them(path: Path, calls: Calls) -> None:
     assert "old" not in text
     assert f"Commit abc, seeds 0, 1, every frame, {datetime.date.today():%d %B %Y}." in text
     assert "Base of dfrf-paper: 7 steps, 1 people." in text
-    _, references, lengths, warp = text.split(", P15:")
+    _, references, lengths, warp, ladder = text.split(", P15:")
     for count in (1, 2, 4, 6):
         assert f"| `bob` | dfrf-paper-{count}, 0.4 s | {30 + count}.00 ± 0.00 |" in references
     assert "| median of 2 | dfrf-nocrops-4, 0.4 s | 34.00 ± 0.00 |" in references
@@ -115,6 +115,9 @@ def test_the_tables_and_who_is_in_them(path: Path, calls: Calls) -> None:
     assert ", 1.3 s" not in text
     assert "| `ann` | dfrf-paper-4-nowarp, 0.4 s |" in warp
     assert "| 0.500 ± 0.000 | -1.0 ± 0.0 |" in warp  # P15x, in a table of its own
+    steps = ["ad-nerf-nolips", "dfrf-paper-4", "dfrf-nocrops-4", "dfrf"]
+    places = [ladder.index(f"| `bob` | {step}, 0.4 s |") for step in steps]
+    assert places == sorted(places)
 
 
 def test_a_row_of_several_tables_is_measured_once_and_a_killed_run_goes_on(
@@ -133,8 +136,8 @@ def test_a_row_of_several_tables_is_measured_once_and_a_killed_run_goes_on(
     monkeypatch.setattr(results, "evaluate", whole)
     shutil.rmtree(path.with_name("out"))  # as on another machine, which has the document's figures
     text = run(path)
-    # 2 methods of 4 references and one without warp, 2 others; those of the middle length again.
-    assert len(set(calls)) == 2 * (2 * (2 * 5 + 2) + 4)
+    # 2 methods of 4 references and one without warp, 3 others; those of the middle length again.
+    assert len(set(calls)) == 2 * (2 * (2 * 5 + 3) + 4)
     assert len(calls) == len(set(calls)) + 1  # the seed that the kill tore
     before = len(calls)
     shutil.rmtree(path.with_name("out"))
