@@ -45,9 +45,9 @@ LENGTHS, LENGTH = (10.0, 15.0, 20.0), 15.0  # learned, seconds
 HELD_OUT = 3.0  # seconds that a clip has beside them, at least
 MADE = "made of"  # a digest, among the figures of a row
 LEFT_OUT = ("flicker", "haarpsi", "sharpness_eyes", "chin_ratio", "old_chin_ratio", "texture_ratio")
-MORE = ("offset", "offset_frames", 1), ("learned in, s", "seconds", 0)
+OFFSET = ("offset", "offset_frames", 1)
 PICTURES, DUBS = (
-    tuple(column for column in columns if column[1] not in LEFT_OUT) + MORE
+    (*(column for column in columns if column[1] not in LEFT_OUT), OFFSET)
     for columns in (P15, P15X)
 )
 
