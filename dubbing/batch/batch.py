@@ -24,7 +24,7 @@ from dubbing.production.dub import Dub
 from dubbing.production.production import REPORTS, Production
 from dubbing.provenance.mark_key import make_installation_key
 from dubbing.report import lines, report, takes
-from dubbing.report.report import Sync
+from dubbing.report.findings import Sync, sync_of
 from dubbing.script.edl import Marker
 from dubbing.stages.check import Check
 from dubbing.stages.composite import Composite
@@ -88,7 +88,7 @@ def dub(
             remove_old_cues(production.dubs[name], job)
 
         put_each(dubs, outcomes, put)
-        syncs = {name: report.sync_of(job) for name, job in dubs.items()}
+        syncs = {name: sync_of(job) for name, job in dubs.items()}
         code = exit_code(outcomes, syncs)
         seconds = time.perf_counter() - started
         written: Path | ExplainedError

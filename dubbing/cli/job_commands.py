@@ -143,9 +143,9 @@ def plan(
     from dubbing.identity.learned import learned_if_known
     from dubbing.manifest.manifest import load
     from dubbing.pipeline import DUB, PERSON
+    from dubbing.report.findings import face_warnings
     from dubbing.report.lines import edits_of, undubbed_of
     from dubbing.report.reach import planned_reach
-    from dubbing.report.report import face_warnings
     from dubbing.stages.composite import Composite
     from dubbing.stages.finetune import Finetune
     from dubbing.timelines import laid_over

@@ -1,26 +1,15 @@
 """report.json and report.html: what was made, how good it is, and what to do where it failed."""
 
-import csv
 import os
 import platform
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
-from pydantic import ConfigDict
-from typing_extensions import TypedDict
-
-from dubbing.engine.disk import json_records
-from dubbing.engine.disk.files import (
-    atomic_write_json,
-    atomic_write_text,
-    read_bounded,
-    remove_torn,
-)
+from dubbing.engine.disk.files import atomic_write_json, atomic_write_text, remove_torn
 from dubbing.engine.disk.numbered import is_there, plain
 from dubbing.engine.graph.graph import Job, Jobs
 from dubbing.engine.memory import peak_memory
 from dubbing.engine.running.outcome import Outcome
-from dubbing.errors import ExplainedError
 from dubbing.identity.learned import CURVE_FILE, in_words, learned_if_known
 from dubbing.manifest.edits.notes import told
 from dubbing.packages import missing_of
@@ -29,57 +18,26 @@ from dubbing.preparation.file_names import CONTACT_SHEET, SUMMARY
 from dubbing.production.production import REPORTS, Production
 from dubbing.provenance import credentials
 from dubbing.report import lines
-from dubbing.report.page import (
-    FAILED,
-    MISSING,
-    MOST_POINTS,
-    PASSED,
-    UNJUDGED,
-    VERDICTS,
-    WARNED,
-    page_of,
+from dubbing.report.findings import (
+    Prepared,
+    Sync,
+    brief,
+    clip_warnings,
+    column,
+    read,
+    recorded_seconds,
+    sync_of,
 )
+from dubbing.report.page import FAILED, MISSING, PASSED, UNJUDGED, VERDICTS, WARNED, page_of
 from dubbing.report.sources import relative, shown, source_of
 from dubbing.report.takes import takes_of
 from dubbing.report.thumbnails import thumbnail_of
-from dubbing.stages.check import Check
-from dubbing.stages.check_source import CheckSource
 from dubbing.stages.finetune import Finetune
 from dubbing.stages.prepare import Prepare
 from dubbing.stages.sign import Sign
-from dubbing.sync.records import SYNC_FILE
 
 PAGE, DATA = REPORTS
 OF_SYNC = {"pass": PASSED, "warn": WARNED, "fail": FAILED}  # by the verdict of the sync check
-
-
-WarningKey = Literal["warnings", "face_warnings"]
-
-
-class Sync(TypedDict, total=False):
-    """The part of a sync check that the report reads."""
-
-    __pydantic_config__ = ConfigDict(extra="allow")  # type: ignore[misc]
-
-    verdict: str
-    reason: str
-    words: str | None
-    offset_frames: int | None
-    offset_ms: float | None
-    confidence: float | None
-    closeness: float | None
-    parts: dict[str, float]
-    distance: float | None
-    curve: list[float]
-    source: dict[str, Any] | None
-
-
-class Prepared(TypedDict, total=False):
-    """The part of a prepared clip's summary that the report reads."""
-
-    warnings: list[str]
-    face_warnings: list[str]
-    residual_shift: float | None
 
 
 def write(
@@ -148,18 +106,12 @@ def collect(
     }
 
 
-def sync_of(job: Job) -> Sync:
-    """The result of a job's sync check; empty where there is none, or a damaged one."""
-    check = next(iter([*job.all_of(Check), *job.all_of(CheckSource)]), None)
-    return _read(check.folder / SYNC_FILE, Sync, "sync check", []) if check else {}
-
-
 def _person(production: Production, job: Job, outcome: Outcome) -> dict[str, Any]:
     person = production.people[job.name]
     prepared, model = job.stage(Prepare).folder, job.stage(Finetune).folder
     damaged: list[str] = []
-    summary = _read(prepared / SUMMARY, Prepared, "prepared clip", damaged)
-    curves = {name: _column(model / CURVE_FILE, name, damaged) for name in ("loss", "psnr")}
+    summary = read(prepared / SUMMARY, Prepared, "prepared clip", damaged)
+    curves = {name: column(model / CURVE_FILE, name, damaged) for name in ("loss", "psnr")}
     sheet = prepared / CONTACT_SHEET
     return {
         **_common(job, outcome),
@@ -174,32 +126,8 @@ def _person(production: Production, job: Job, outcome: Outcome) -> dict[str, Any
         "learned": in_words(learned) if (learned := learned_if_known(model)) else None,
         "contact_sheet": relative(production, sheet) if sheet.is_file() else None,
         **curves,
-        "sync": _brief(sync_of(job)),
+        "sync": brief(sync_of(job)),
     }
-
-
-def clip_warnings(job: Job, damaged: list[str], key: WarningKey = "warnings") -> list[str]:
-    """Warnings of preparation about all clips of a person.
-
-    Args:
-        damaged: gets the errors of files that cannot be read.
-        key: all warnings, or those that say whose face was taken.
-    """
-    found = []
-    for stage in job.all_of(Prepare):
-        summary = _read(stage.folder / SUMMARY, Prepared, "prepared clip", damaged)
-        of = stage.id.of
-        found += [f"{of}: {w}" if of else w for w in summary.get(key, [])]
-    return found
-
-
-def face_warnings(planned: Jobs) -> list[str]:
-    """Warnings that say whose face was taken in clips that are prepared."""
-    return [
-        f"{name}: {warning}"
-        for name, job in planned.named(PERSON).items()
-        for warning in clip_warnings(job, [], "face_warnings")
-    ]
 
 
 def _dub(production: Production, job: Job, outcome: Outcome) -> dict[str, Any]:
@@ -241,7 +169,7 @@ def _dub(production: Production, job: Job, outcome: Outcome) -> dict[str, Any]:
         "signed": bool(job.all_of(Sign)),
         "film_credentials": _film_credentials(job, dub.film.path),
         "mark": mark.id if mark else None,
-        "sync": _brief(sync),
+        "sync": brief(sync),
     }
 
 
@@ -261,46 +189,8 @@ def _common(job: Job, outcome: Outcome) -> dict[str, Any]:
             kind: {
                 "seconds": outcome.seconds.get(kind),
                 "reasons": outcome.reasons.get(kind, []),
-                "recorded_seconds": _recorded(job, kind),
+                "recorded_seconds": recorded_seconds(job, kind),
             }
             for kind in dict.fromkeys(stage.kind for stage in job.stages.values())
         },
     }
-
-
-def _recorded(job: Job, kind: str) -> float | None:
-    """Seconds that the stages of a kind took when they were made; None where one is not made."""
-    records = [stage.record() for stage in job.stages.values() if stage.kind == kind]
-    seconds = [record["seconds"] for record in records if record]
-    return round(sum(seconds), 2) if len(seconds) == len(records) else None
-
-
-def _brief(sync: Sync) -> dict[str, Any] | None:
-    if not sync:
-        return None
-    found = {key: sync.get(key) for key in Sync.__annotations__ if key != "source"}
-    return {**found, "source_confidence": (sync.get("source") or {}).get("confidence")}
-
-
-def _column(path: Path, name: str, damaged: list[str]) -> list[float]:
-    """Numbers of a curve, empty without a file. ``damaged`` gets the error of another file."""
-    if not os.path.lexists(path):
-        return []
-    try:
-        text = read_bounded(path, json_records.MOST_BYTES).decode()
-        values = [float(row[name]) for row in csv.DictReader(text.splitlines())]
-    except (ExplainedError, OSError, KeyError, TypeError, ValueError, csv.Error):
-        damaged.append(f"{path}: is no curve of a training: run with --force finetune")
-        return []
-    return values[:: max(1, len(values) // MOST_POINTS)]
-
-
-def _read(path: Path, shape: Any, whose: str, damaged: list[str]) -> Any:
-    """A file of a stage, empty without one. ``damaged`` gets the error of another file."""
-    if not os.path.lexists(path):
-        return {}
-    try:
-        return json_records.read(path, shape, whose)
-    except ExplainedError as error:
-        damaged.append(str(error))
-        return {}
