@@ -12,8 +12,10 @@ from dubbing.errors import Problem
 from dubbing.manifest.checks import inputs, overwriting
 from dubbing.manifest.edits import edits_file
 from dubbing.manifest.keys import yaml_lines
-from dubbing.manifest.keys.entries import Dub, Entry, Identity
+from dubbing.manifest.keys.dub_entry import Dub
+from dubbing.manifest.keys.entry import Entry
 from dubbing.manifest.keys.findings import Findings
+from dubbing.manifest.keys.identity_entry import Identity
 from dubbing.manifest.keys.messages import describe, plain, suggestion
 from dubbing.manifest.keys.values import check_name, place_of
 from dubbing.manifest.keys.yaml_lines import KeyPath

@@ -11,7 +11,7 @@ from dubbing.identity.finetune_settings import FinetuneSettings
 from dubbing.manifest.checks.inputs import credits_text
 from dubbing.manifest.checks.provenance_checks import signer_of
 from dubbing.manifest.edits.edits_file import edits_file
-from dubbing.manifest.keys import entries
+from dubbing.manifest.keys import consent_entry, dub_entry, identity_entry
 from dubbing.manifest.keys.findings import Findings, Scene
 from dubbing.mixing.sound import Sound
 from dubbing.preparation.tracking.portraits import Portrait
@@ -27,7 +27,7 @@ from dubbing.video.settings import VideoSettings
 
 
 def resolved(
-    path: Path, output: Path, dubs: Mapping[int, entries.Dub], findings: Findings
+    path: Path, output: Path, dubs: Mapping[int, dub_entry.Dub], findings: Findings
 ) -> Production:
     """The production of a manifest without mistakes.
 
@@ -85,7 +85,7 @@ def _clip(name: str, film: Path, findings: Findings) -> PersonClip:
     )
 
 
-def clip_name(identity: entries.Identity, clip: Path) -> str:
+def clip_name(identity: identity_entry.Identity, clip: Path) -> str:
     """Name of a clip in the names of its stages; '' for the one that is learned from.
 
     Its own name, or where an earlier clip has it already, with the first number that is free. No
@@ -121,13 +121,13 @@ def _portraits(name: str, clip: Path, findings: Findings) -> tuple[Portrait, ...
     return own, *sorted(known, key=lambda one: (one.points, one.clip))
 
 
-def _portrait(identity: entries.Identity, clip: Path) -> Portrait:
+def _portrait(identity: identity_entry.Identity, clip: Path) -> Portrait:
     """A person as they are known in a clip; see `Identity.shown_for`."""
     film, points = identity.shown_for(clip)
     return Portrait(film, tuple((point.at, point.x, point.y) for point in points))
 
 
-def _consent(consent: entries.Consent) -> Consent:
+def _consent(consent: consent_entry.Consent) -> Consent:
     """An agreement with its proof: of a form that names the file that was signed, both files."""
     files = {"sha256": consent.form or consent.file}
     if consent.form is not None:
@@ -135,7 +135,7 @@ def _consent(consent: entries.Consent) -> Consent:
     return Consent(consent.terms(), {key: path for key, path in files.items() if path is not None})
 
 
-def _dub(place: int, dub: entries.Dub, people: Mapping[str, Person], findings: Findings) -> Dub:
+def _dub(place: int, dub: dub_entry.Dub, people: Mapping[str, Person], findings: Findings) -> Dub:
     own = tuple(people[name] for name in dub.people)
     scene = findings.scenes.get(place)
     path = scene.clip if scene else dub.clip or own[0].clip.path
@@ -167,7 +167,7 @@ def _dub(place: int, dub: entries.Dub, people: Mapping[str, Person], findings: F
     )
 
 
-def _card(dub: entries.Dub, film: Clip, findings: Findings) -> CreditsCard | None:
+def _card(dub: dub_entry.Dub, film: Clip, findings: Findings) -> CreditsCard | None:
     if dub.label.credits is None:
         return None
     frames = timeline.frame_count(dub.label.credits.seconds, film.rate)

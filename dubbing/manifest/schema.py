@@ -9,7 +9,8 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from dubbing.manifest.keys.entries import Dub, Identity
+from dubbing.manifest.keys.dub_entry import Dub
+from dubbing.manifest.keys.identity_entry import Identity
 from dubbing.manifest.keys.values import LONGEST_NAME, NAME_PATTERN
 from dubbing.manifest.reader import TOP
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from dubbing.engine.disk.files import atomic_write_text
 from dubbing.errors import ExplainedError, ManifestError, Problem
 from dubbing.manifest.init import HEADER, LONGEST_LEARNT, Found, clip_of, free_target, sorted_out
-from dubbing.manifest.keys.entries import Dub
+from dubbing.manifest.keys.dub_entry import Dub
 from dubbing.manifest.keys.findings import Findings
 from dubbing.manifest.keys.messages import some
 from dubbing.manifest.keys.values import check_name

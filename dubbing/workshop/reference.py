@@ -13,19 +13,11 @@ import typer
 from dubbing.cli.main import app
 from dubbing.engine.disk.files import atomic_write_text
 from dubbing.manifest import schema
+from dubbing.manifest.keys.consent_entry import Consent
+from dubbing.manifest.keys.dub_entry import Credits, Dub, Label, Mark
 from dubbing.manifest.keys.edit_entry import Edit, Key, Moved, Span, Take
-from dubbing.manifest.keys.entries import (
-    Colour,
-    Consent,
-    Credits,
-    Dub,
-    Entry,
-    FacePoint,
-    Finetune,
-    Identity,
-    Label,
-    Mark,
-)
+from dubbing.manifest.keys.entry import Entry
+from dubbing.manifest.keys.identity_entry import Colour, FacePoint, Finetune, Identity
 from dubbing.manifest.keys.values import LONGEST_SECONDS
 
 FOLDER = Path("docs/reference")

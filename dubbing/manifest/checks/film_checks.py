@@ -5,8 +5,9 @@ from pathlib import Path
 
 from dubbing.engine.disk.numbered import numbered, plain
 from dubbing.errors import MediaError
-from dubbing.manifest.keys.entries import Dub, Identity
+from dubbing.manifest.keys.dub_entry import Dub
 from dubbing.manifest.keys.findings import Findings, Scene
+from dubbing.manifest.keys.identity_entry import Identity
 from dubbing.manifest.keys.yaml_lines import KeyPath
 from dubbing.media import MediaInfo
 from dubbing.media.probing.fields import is_flagged, looks_interlaced

@@ -8,8 +8,9 @@ from dubbing.errors import ExplainedError
 from dubbing.manifest.checks import film_checks, provenance_checks, sound_checks, terms
 from dubbing.manifest.checks import preset_checks as published
 from dubbing.manifest.edits.edits import edited, whole_recording
-from dubbing.manifest.keys.entries import Dub, Identity
+from dubbing.manifest.keys.dub_entry import Dub
 from dubbing.manifest.keys.findings import Findings, Scene
+from dubbing.manifest.keys.identity_entry import Identity
 from dubbing.manifest.keys.values import BEST
 from dubbing.manifest.keys.yaml_lines import KeyPath
 from dubbing.manifest.scenes.scenes import film_of, inspect_scene, whole_audio, without_lines

@@ -7,7 +7,9 @@ from pathlib import Path
 
 from dubbing.engine.disk.files import same_on_disk
 from dubbing.engine.disk.numbered import plain
-from dubbing.manifest.keys.entries import Dub, Entry, Identity
+from dubbing.manifest.keys.dub_entry import Dub
+from dubbing.manifest.keys.entry import Entry
+from dubbing.manifest.keys.identity_entry import Identity
 from dubbing.manifest.keys.yaml_lines import KeyPath, key_path
 from dubbing.production.dub import previous_of, results_of
 from dubbing.production.production import REPORTS, WORK

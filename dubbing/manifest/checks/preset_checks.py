@@ -12,7 +12,7 @@ from safetensors import SafetensorError, safe_open
 from dfrf.config import FORMATS, PUBLISHED_SPEECH, STEPS, family
 from dubbing.engine.disk import json_records
 from dubbing.errors import ExplainedError
-from dubbing.manifest.keys.entries import Identity
+from dubbing.manifest.keys.identity_entry import Identity
 from dubbing.script.timeline import frame_count
 from dubbing.shipped.base import shipped_base
 from dubbing.speech import features

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from dubbing.engine.disk.numbered import plain
 from dubbing.errors import ExplainedError
-from dubbing.manifest.keys.entries import Dub
+from dubbing.manifest.keys.dub_entry import Dub
 from dubbing.manifest.keys.findings import Findings
 from dubbing.manifest.keys.yaml_lines import KeyPath
 from dubbing.media import SUFFIX

@@ -9,8 +9,9 @@ from contextlib import suppress
 from pathlib import Path
 
 from dubbing.errors import MediaError
-from dubbing.manifest.keys.entries import Dub, Identity
+from dubbing.manifest.keys.dub_entry import Dub
 from dubbing.manifest.keys.findings import Findings, Scene
+from dubbing.manifest.keys.identity_entry import Identity
 from dubbing.manifest.keys.messages import some
 from dubbing.manifest.keys.yaml_lines import KeyPath
 from dubbing.media import MediaInfo

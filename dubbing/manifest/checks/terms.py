@@ -6,7 +6,8 @@ from pathlib import Path
 
 from dubbing.engine.disk.file_digests import sha256_of
 from dubbing.engine.disk.numbered import plain
-from dubbing.manifest.keys.entries import Dub, Identity
+from dubbing.manifest.keys.dub_entry import Dub
+from dubbing.manifest.keys.identity_entry import Identity
 from dubbing.manifest.keys.yaml_lines import KeyPath
 
 

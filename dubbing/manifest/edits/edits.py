@@ -7,8 +7,9 @@ from pathlib import Path
 from dubbing.errors import ExplainedError
 from dubbing.face.mouth.lip_curves import LipCurves
 from dubbing.manifest.keys import edit_entry
-from dubbing.manifest.keys.entries import Dub, Identity
+from dubbing.manifest.keys.dub_entry import Dub
 from dubbing.manifest.keys.findings import Findings, Scene
+from dubbing.manifest.keys.identity_entry import Identity
 from dubbing.manifest.keys.messages import some, suggestion
 from dubbing.manifest.keys.yaml_lines import KeyPath
 from dubbing.script.edit import Edit

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from dubbing.engine.disk.numbered import is_there, plain
 from dubbing.errors import MediaError
-from dubbing.manifest.keys.entries import Identity
+from dubbing.manifest.keys.identity_entry import Identity
 from dubbing.manifest.keys.yaml_lines import KeyPath
 from dubbing.media import MediaInfo, probe
 from dubbing.production.dub import Undubbed

@@ -5,7 +5,7 @@ import reprlib
 from collections.abc import Iterable
 from typing import Any, get_args
 
-from dubbing.manifest.keys.entries import Entry
+from dubbing.manifest.keys.entry import Entry
 
 DAYS = ("date_type", "date_parsing", "date_from_datetime_parsing", "date_from_datetime_inexact")
 LONGEST = 60  # characters of a wrong value in a message

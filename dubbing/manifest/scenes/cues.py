@@ -5,7 +5,7 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
-from dubbing.manifest.keys.entries import Dub
+from dubbing.manifest.keys.dub_entry import Dub
 from dubbing.manifest.keys.findings import Findings
 from dubbing.manifest.keys.messages import some
 from dubbing.manifest.keys.yaml_lines import KeyPath

@@ -6,7 +6,7 @@ A reel's script serves all its shots: each takes the lines at its own times.
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from dubbing.manifest.keys.entries import Dub
+from dubbing.manifest.keys.dub_entry import Dub
 from dubbing.manifest.keys.findings import Findings
 from dubbing.manifest.keys.yaml_lines import KeyPath
 from dubbing.media import MediaInfo

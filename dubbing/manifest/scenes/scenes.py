@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from itertools import groupby
 
 from dubbing.errors import ExplainedError
-from dubbing.manifest.keys.entries import Dub, Identity
+from dubbing.manifest.keys.dub_entry import Dub
 from dubbing.manifest.keys.findings import Findings, Scene
+from dubbing.manifest.keys.identity_entry import Identity
 from dubbing.manifest.keys.yaml_lines import KeyPath
 from dubbing.manifest.scenes import reels
 from dubbing.manifest.scenes.cues import CUE, SceneCues

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from dubbing.engine.disk.files import same_on_disk
-from dubbing.manifest.keys.entries import Identity
+from dubbing.manifest.keys.identity_entry import Identity
 from dubbing.manifest.resolving import clip_name
 
 NAMES = [

@@ -14,7 +14,9 @@ from dubbing.cli.main import app
 from dubbing.manifest import schema
 from dubbing.manifest.init import write_manifest
 from dubbing.manifest.keys import yaml_lines
-from dubbing.manifest.keys.entries import Dub, Entry, Identity
+from dubbing.manifest.keys.dub_entry import Dub
+from dubbing.manifest.keys.entry import Entry
+from dubbing.manifest.keys.identity_entry import Identity
 from tests import clips
 from tests.dubbing.manifest.json_schema import errors
 

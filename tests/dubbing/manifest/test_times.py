@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from dubbing.manifest.keys import yaml_lines
-from dubbing.manifest.keys.entries import Dub, Identity
+from dubbing.manifest.keys.dub_entry import Dub
+from dubbing.manifest.keys.identity_entry import Identity
 from tests import clips
 from tests.dubbing.manifest.made import GOOD, problems, read
 

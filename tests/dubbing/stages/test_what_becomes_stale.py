@@ -17,7 +17,7 @@ from pydantic import BaseModel
 
 from dfrf.checkpoint import read_tensors, write_tensors
 from dubbing.batch import jobs
-from dubbing.manifest.keys import entries
+from dubbing.manifest.keys import consent_entry, dub_entry, identity_entry
 from dubbing.manifest.keys.edit_entry import Edit
 from dubbing.manifest.manifest import load
 from dubbing.shipped.base import BASE
@@ -251,8 +251,8 @@ def test_of_an_image_sequence(folder: Path) -> None:
 def fields(kind: type[BaseModel], place: str) -> Iterator[str]:
     """Places of the keys of an entry, those of the entries in it too."""
     inner: dict[str, type[BaseModel]] = {
-        **{"consent": entries.Consent, "finetune": entries.Finetune},
-        **{"label": entries.Label, "credits": entries.Credits, "edits": Edit},
+        **{"consent": consent_entry.Consent, "finetune": identity_entry.Finetune},
+        **{"label": dub_entry.Label, "credits": dub_entry.Credits, "edits": Edit},
     }
     for name in kind.model_fields:
         yield f"{place}.{name}"
@@ -263,5 +263,5 @@ def fields(kind: type[BaseModel], place: str) -> Iterator[str]:
 def test_no_key_is_forgotten_here() -> None:
     tried = {place for place, *_ in (*OF_ONE, *OF_SCENE)} | ELSEWHERE
     tried |= {"dubs.0.label.mark", "dubs.0.label.credits", "identities.ann.finetune"}
-    known = {*fields(entries.Identity, "identities.ann"), *fields(entries.Dub, "dubs.0")}
+    known = {*fields(identity_entry.Identity, "identities.ann"), *fields(dub_entry.Dub, "dubs.0")}
     assert known == tried
