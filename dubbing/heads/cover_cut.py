@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from skimage.morphology import convex_hull_image, remove_small_objects
 
 from dubbing.heads.comparison import EYES, Compared, H, W, to_face
 from dubbing.preparation.matting.matting import dilate
@@ -42,11 +43,9 @@ def unexplained(compared: Compared, usual: np.ndarray) -> np.ndarray:
     """
     beyond = (compared.apart > np.maximum(APART, USUAL * usual)) & compared.known
     kernel = np.ones((2 * THIN + 1,) * 2, np.uint8)
-    solid = cv2.morphologyEx(beyond.astype(np.uint8), cv2.MORPH_OPEN, kernel)
-    _, piece, stats, _ = cv2.connectedComponentsWithStats(solid)
-    least = LEAST * (EYES * compared.zoom) ** 2
-    large = np.flatnonzero(stats[1:, cv2.CC_STAT_AREA] >= least) + 1
-    return np.isin(piece, large)
+    solid = cv2.morphologyEx(beyond.astype(np.uint8), cv2.MORPH_OPEN, kernel) > 0
+    small = LEAST * (EYES * compared.zoom) ** 2
+    return np.asarray(remove_small_objects(solid, max_size=small, connectivity=2))
 
 
 def is_large(compared: Compared, over: np.ndarray) -> bool:
@@ -175,10 +174,7 @@ def without_dents(piece: np.ndarray, compared: Compared) -> np.ndarray:
 
     A shine has other colours than the thing that it lies on, and a cut by colours leaves it out.
     """
-    contours, _ = cv2.findContours(piece.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    hull = np.zeros(piece.shape, np.uint8)
-    cv2.fillConvexPoly(hull, cv2.convexHull(np.concatenate(contours)), 1)
-    return piece | ((hull > 0) & (compared.apart > APART))
+    return piece | (convex_hull_image(piece) & (compared.apart > APART))
 
 
 def beside_told(

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from skimage.morphology import remove_small_objects
 
 from dubbing.engine.graph.stage import ReportShare
 from dubbing.face.mesh_points import NOSE_BASE
@@ -125,9 +126,7 @@ class Overlay:
         lit = usual.evenly_lit(self._colours(t, image), bare)
         beyond = (usual.beyond(lit, inside) > BEYOND) & bare
         beyond[: max(0, round(float(points[NOSE_BASE, 1])))] = False
-        _, piece, stats, _ = cv2.connectedComponentsWithStats(beyond.astype(np.uint8))
-        large = np.flatnonzero(stats[1:, cv2.CC_STAT_AREA] >= LEAST_AREA * EYES**2) + 1
-        unusual = np.isin(piece, large)
+        unusual = large(beyond, EYES)
         if not unusual.any():
             return None
         colours = ycc(image[unusual])
@@ -185,11 +184,8 @@ class Overlay:
         reach = max(2, round(OUTLINE * eyes))
         round_ = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
         closed = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, round_)
-        _, piece, stats, _ = cv2.connectedComponentsWithStats(closed)
         # Of a lip or a glint a few pixels have a graphic's colour, too.
-        small = np.flatnonzero(stats[:, cv2.CC_STAT_AREA] < LEAST_AREA * eyes**2)
-        closed[np.isin(piece, small)] = 0
-        closed = without_holes(closed)
+        closed = without_holes(large(closed > 0, eyes).astype(np.uint8))
         # An even surface ends where it ends; letters have outlines and shadows.
         dense = cv2.blur(mask.astype(np.float32), (4 * reach + 1,) * 2) > EVEN
         even = cv2.morphologyEx(np.where(dense, closed, 0), cv2.MORPH_OPEN, round_)
@@ -223,6 +219,11 @@ class Overlay:
             cv2.warpAffine(one.astype(np.uint8), back, (size, size), flags=cv2.INTER_NEAREST) > 0
             for one in found
         ]
+
+
+def large(mask: np.ndarray, eyes: float) -> np.ndarray:
+    """A mask (S, S) bool without small pieces. eyes: distance of the outer corners of the eyes."""
+    return np.asarray(remove_small_objects(mask, max_size=LEAST_AREA * eyes**2, connectivity=2))
 
 
 def overlay_step(

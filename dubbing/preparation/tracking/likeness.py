@@ -8,6 +8,7 @@ grade change that of all parts alike. N faces, D numbers each.
 
 import cv2
 import numpy as np
+from skimage.transform import estimate_transform
 
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, NOSE_BASE, RIGHT_EYE_OUTER, RIGID
 from dubbing.face.mouth.similarity import similarity
@@ -116,8 +117,6 @@ def _usual(looks: np.ndarray) -> np.ndarray:
 
 def _upright(points: np.ndarray) -> np.ndarray:
     """The (2, 3) least-squares similarity that maps eyes and nose to `ANCHORS`."""
-    x, y = points[[LEFT_EYE_OUTER, RIGHT_EYE_OUTER, NOSE_BASE], :2].astype(np.float64).T
-    one, none = np.ones(3), np.zeros(3)
-    rows = np.concatenate([np.stack([x, -y, one, none], 1), np.stack([y, x, none, one], 1)])
-    (a, b, right, down), *_ = np.linalg.lstsq(rows, ANCHORS.T.ravel(), rcond=None)
-    return np.array([[a, -b, right], [b, a, down]])
+    seen = points[[LEFT_EYE_OUTER, RIGHT_EYE_OUTER, NOSE_BASE], :2].astype(np.float64)
+    found = estimate_transform("similarity", seen, ANCHORS)
+    return np.asarray(found.params[:2]) if found else np.eye(2, 3)  # all points in one place
