@@ -10,7 +10,6 @@ from dubbing.script.line import UNNUMBERED, Line
 from dubbing.script.timecode import frame_of
 
 NAMESPACE, KINDS = "{http://www.w3.org/", ("ttml", "ttaf1")
-PARAMETER = "{http://www.w3.org/ns/ttml#parameter}"
 XML = "{http://www.w3.org/XML/1998/namespace}"
 CLOCK = re.compile(
     r"([0-9]{2,4}):([0-9]{2}):([0-9]{2}(?:\.[0-9]{1,9})?)(?::([0-9]{2,4})(?:\.[0-9]{1,9})?)?"
@@ -64,16 +63,19 @@ class _Document:
     """A document: its frame rate and tick rate, its agents, and the lines read so far."""
 
     def __init__(self, root: ElementTree.Element) -> None:
-        rate = _number(root.get(f"{PARAMETER}frameRate", "30"))
-        times = root.get(f"{PARAMETER}frameRateMultiplier", "1 1").replace(":", " ").split()
+        rate = _number(_attribute(root, "frameRate") or "30")
+        written = _attribute(root, "frameRateMultiplier") or "1 1"
+        times = written.replace(":", " ").split()
         if len(times) not in (1, 2) or not _number(times[-1]) > 0:
             raise ValueError("its frameRateMultiplier is none")
+        if times == ["999", "1000"]:
+            times = ["1000", "1001"]  # as iTunes Timed Text means it
         self.rate = rate * _number(times[0]) / (_number(times[1]) if len(times) > 1 else 1)
-        self.ticks = _number(root.get(f"{PARAMETER}tickRate", "1"))
+        self.ticks = _number(_attribute(root, "tickRate") or "1")
         if not 1 <= self.rate <= FASTEST or self.ticks < 1:
             raise ValueError("its frame rate or tick rate is none")
-        self.counts_frames = root.get(f"{PARAMETER}timeBase") == "smpte"
-        self.drops = root.get(f"{PARAMETER}dropMode", "nonDrop") != "nonDrop"
+        self.counts_frames = _attribute(root, "timeBase") == "smpte"
+        self.drops = _attribute(root, "dropMode") not in ("", "nonDrop")
         self.agents: dict[str, str] = {}
         for agent in (e for e in root.iter() if _tag(e) == "agent"):
             names = ["".join(child.itertext()).strip() for child in agent if _tag(child) == "name"]

@@ -101,6 +101,25 @@ def test_ttml_counts_frames_and_knows_agents(tmp_path: Path) -> None:
     assert read(tmp_path, "a.ttml", smpte)[0].start == 1 + 36 / FILM  # all of it is frames
 
 
+@pytest.mark.parametrize("year", ["2006/04", "2006/10"])
+def test_ttml_before_its_first_edition_has_a_frame_rate_too(tmp_path: Path, year: str) -> None:
+    """Its parameters have another namespace: frame 12 of 30 is at 0.4 s."""
+    text = TTML.format(extra='ttp:tickRate="10000000"').replace("72f", "15000000t")
+    old = text.replace("/ns/ttml", f"/{year}/ttaf1")
+    assert old.count("ttaf1") == 3
+    found = rows(read(tmp_path, "a.dfxp", old))
+    assert found == rows(read(tmp_path, "a.ttml", text))
+    assert [row[0] for row in found] == [Fraction(5, 2), 2 + 12 / FILM]
+
+
+def test_ttml_of_apple_rounds_its_frame_rate(tmp_path: Path) -> None:
+    """iTunes Timed Text writes 999/1000 for 1000/1001, and drops frames with it."""
+    text = TTML.format(extra='ttp:timeBase="smpte" ttp:dropMode="dropNTSC"')
+    text = text.replace('"24"', '"30"').replace("1000 1001", "999 1000")
+    text = text.replace("00:00:02.5", "00:01:00:02").replace('"1s"', '"0s"')
+    assert read(tmp_path, "a.ttml", text)[0].stop == 1800 * Fraction(1001, 30000)
+
+
 def test_csv(tmp_path: Path) -> None:
     assert rows(read(tmp_path, "a.csv", CSV)) == [
         (Fraction(3, 2), Fraction(5, 2), "ANNA", "Good, evening"),
