@@ -40,7 +40,8 @@ def read(text: str, rate: Fraction) -> list[Line]:
         start, stop = (seconds_of(part, rate) for part in cue.times)
         name = cue.name.strip("#.")  # as word processors number
         number = int(name) if PRINTED.fullmatch(name) else UNNUMBERED
-        voices = voices_of("\n".join(cue.rows))
+        # ffmpeg writes the hard space of ASS, also of closed captions, as it is.
+        voices = voices_of("\n".join(cue.rows).replace(r"\h", " "))
         shared = len({voice for voice, _ in voices}) > 1
         lines += [Line(number, start, stop, voice, words, shared=shared) for voice, words in voices]
     return lines

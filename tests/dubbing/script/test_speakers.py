@@ -72,6 +72,7 @@ def said(lines: list[Line]) -> list[tuple[str, str]]:
         "ALBA –\nHi there.",
         "ALBA. — Hi there.",
         "ALBA:\u00a0Hi there.",
+        '<font face="Monospace">{\\an7}\\h\\hALBA:\\hHi there.\\h</font>',
         "\u200eALBA: Hi there.",
         "(laughs) ALBA: Hi there.",
         "ALBA: Hi\nthere.",
