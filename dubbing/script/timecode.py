@@ -28,7 +28,10 @@ def frame_of(timecode: str, rate: Fraction) -> int:
     Raises:
         ValueError: it is no timecode at that rate.
     """
-    match = WRITTEN.fullmatch(timecode.strip())
+    text = timecode.strip()
+    if text.count(";") == 3:  # as Premiere writes drop frame
+        text = text.replace(";", ":", 2)
+    match = WRITTEN.fullmatch(text)
     if match is None or match[4] == ".":
         raise ValueError(f"{timecode!r} is no timecode as 01:00:00:00")
     hours, minutes, seconds, frames = (int(match[k]) for k in (1, 2, 3, 5))

@@ -28,6 +28,12 @@ def test_frames_and_timecodes(timecode: str, rate: Fraction, frame: int) -> None
     assert timecode_of(frame, rate, drop=";" in timecode) == timecode
 
 
+def test_drop_frame_of_premiere_has_semicolons_alone() -> None:
+    assert frame_of("00;01;00;02", TV) == 1800
+    with pytest.raises(ValueError, match="left out"):
+        frame_of("00;01;00;00", TV)
+
+
 def test_drop_frame_keeps_up_with_the_clock() -> None:
     for frame in range(0, 110_000, 997):
         assert frame_of(timecode_of(frame, TV, drop=True), TV) == frame
