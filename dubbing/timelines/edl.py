@@ -9,27 +9,43 @@ from typing import Any
 # A row of an EDL that gives the speed of an event, frames a second; another word to keep it by.
 SPEED, SPEED_KEPT = "M2 ", "SPEED "
 FORWARDS, NEAR_RATE = re.compile(r"[0-9]{1,4}(\.[0-9]{1,6})?"), 0.1  # after the point is one digit
+TIMECODE = re.compile(r"\b([0-9]{2})([:;])([0-9]{2})\2([0-9]{2})([:;])([0-9]{2})\b")
+DROPPED = re.compile(r"\b[0-9]{2}:[0-9]{2}:[0-9]{2};[0-9]{2}\b")
+SOURCE = re.compile(r"\* *SOURCE FILE:")
 # A row of an event, and the tracks that its third word names.
 ROW = re.compile(r"\s*([0-9]+)\s+(\S+)\s+(\S+)\s+(C\s.*\S)\s*")
 TRACKS = {"V": "V", "A": "1", "A2": "2", "AA": "12", "B": "V1", "A2/V": "V2", "AA/V": "V12"}
 
 
-def plain(text: str) -> str:
+def plain(text: str, *, drops: bool = False) -> str:
     """An EDL whose events, files, locators and speeds are read.
 
     Locators and speeds are not, with the semicolon of drop-frame timecode, nor an event of a row
-    for each of its tracks.
+    for each of its tracks, nor timecodes of semicolons alone. That frames are dropped may stand
+    above the events instead.
 
     Speeds stand in it twice: the adapter forgets one if the event is as long as its source, and
     keeps comments that it does not know.
+
+    Args:
+        drops: whether the timecode of its films is drop-frame.
     """
+    text = TIMECODE.sub(r"\1:\3:\4\5\6", text)
+    modes = {row.split(":")[1].strip() for row in text.splitlines() if row.startswith("FCM:")}
+    if drops and modes == {"DROP FRAME"} and not dropped(text):
+        text = TIMECODE.sub(r"\1:\3:\4;\6", text)
     rows: list[str] = []
-    for row in text.replace("* SOURCE FILE:", "* FROM FILE:").splitlines():
+    for row in SOURCE.sub("* FROM FILE:", text).splitlines():
         rows.append(row.replace(";", ":", 3) if row.startswith(("* LOC:", SPEED)) else row)
         rows += [f"* {row.strip()}".replace(SPEED, SPEED_KEPT)] if row.startswith(SPEED) else []
         if len(rows) > 1 and (event := _of_all_tracks(*rows[-2:])):
             rows[-2:] = [event]
     return "\n".join(rows)
+
+
+def dropped(text: str) -> bool:
+    """Whether there is a drop-frame timecode in the text of an EDL."""
+    return DROPPED.search(text) is not None
 
 
 def _of_all_tracks(*rows: str) -> str:

@@ -88,7 +88,8 @@ def read(path: Path, films: Callable[[str], Iterable[MediaInfo]]) -> Cut:
         raise ExplainedError(f"no kind of timeline: {kind!r}", path.name, f"one of {known}")
     try:
         text = "" if kind == ".aaf" else read_text(path, MOST_BYTES)
-        rate = _rate_of_list(films(text)) if kind == ".edl" else None
+        named = list(films(text)) if kind == ".edl" else []
+        rate = _rate_of_list(named) if kind == ".edl" else None
     except OSError as error:
         raise ExplainedError(f"cannot be read: {error.strerror}", path.name) from error
     except ExplainedError as error:
@@ -99,14 +100,16 @@ def read(path: Path, films: Callable[[str], Iterable[MediaInfo]]) -> Cut:
         elif kind == ".aaf":
             found = otio.adapters.read_from_file(str(path), ADAPTERS[kind])
         elif rate is not None:
-            found = otio.adapters.read_from_string(edl.plain(text), "cmx_3600", rate=rate)
+            text = edl.plain(text, drops=any(film.drops for film in named))
+            found = otio.adapters.read_from_string(text, "cmx_3600", rate=rate)
         else:
             found = otio.adapters.read_from_string(text, ADAPTERS[kind])
         several = found if isinstance(found, otio.schema.SerializableCollection) else [found]
         several = [one for one in several if isinstance(one, otio.schema.Timeline)]
         if len(several) != 1:
             raise ValueError(f"it holds {len(several)} timelines, not one")
-        return cut_of(several[0], dropped={".edl": ";" in text, ".fcpxml": DROP in text}.get(kind))
+        dropped = {".edl": edl.dropped(text), ".fcpxml": DROP in text}.get(kind)
+        return cut_of(several[0], dropped=dropped)
     except Exception as error:  # adapters raise anything at what they cannot read
         why = " ".join(str(error).split())[:200] or type(error).__name__
         raise ExplainedError(f"it cannot be read as a timeline: {why}", path.name) from error

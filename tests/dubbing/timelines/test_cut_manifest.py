@@ -21,7 +21,7 @@ from dubbing.media import MediaInfo
 from dubbing.preparation.tracking.following import Sighting
 from dubbing.reels import faces
 from dubbing.reels.faces import Seen
-from dubbing.timelines import cut_manifest, reading
+from dubbing.timelines import cut_manifest, edl, reading
 from tests import clips
 from tests.dubbing.reels.test_reel_manifest import looks_of
 from tests.dubbing.timelines import cuts
@@ -198,14 +198,40 @@ def test_an_event_may_have_a_row_for_each_track(folder: Path, tracks: tuple[str,
     assert found == expected
 
 
-def test_a_film_is_found_by_the_source_file_of_an_edl(folder: Path) -> None:
+@pytest.mark.parametrize(
+    ("pattern", "instead"),
+    [
+        (r"(\d\d):(\d\d):(\d\d);(\d\d)", r"\1;\2;\3;\4"),  # Premiere
+        (r"(\d\d):(\d\d):(\d\d);(\d\d)", r"\1:\2:\3:\4"),  # lists for tapes
+    ],
+)
+def test_an_edl_says_in_several_ways_that_frames_are_dropped(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, pattern: str, instead: str
+) -> None:
+    """Two hours into the day frames are numbered 216 further, or lie outside of the films."""
+    use(monkeypatch, RATES["29.97"])
+    cut = cuts.write(folder / "cut.edl", cuts.pieces(9), RATES["29.97"])
+    expected, _ = written(folder, cut)
+    title, _, events = cut.read_text().partition("\n")
+    assert ";" in events
+    cut.write_text(f"{title}\nFCM: DROP FRAME\n{re.sub(pattern, instead, events)}")
+    (folder / "manifest.yaml").unlink()
+    assert written(folder, cut)[0] == expected
+
+
+def test_a_semicolon_in_a_comment_drops_no_frames(folder: Path) -> None:
+    cut = cuts.write(folder / "cut.edl", cuts.pieces(3), RATES["29.97"])
+    text = cut.read_text().replace(";", ":") + "* COMMENT: later; 10;00\n"
+    assert not edl.dropped(edl.plain(text, drops=True))
+
+
+@pytest.mark.parametrize("mark", ["* SOURCE FILE:", "*SOURCE FILE:"])
+def test_a_film_is_found_by_the_source_file_of_an_edl(folder: Path, mark: str) -> None:
     cut = cuts.write(folder / "cut.edl", cuts.pieces(3), FILM_RATE)
     rows = [row for row in cut.read_text().splitlines() if not row.startswith("*")]
     at = next(k for k, row in enumerate(rows) if row.startswith("002"))
     rows[at] = rows[at].replace("shot1", "AX   ")
-    cut.write_text(
-        "\n".join([*rows[: at + 1], "* SOURCE FILE: C:\\films\\shot1.mov", *rows[at + 1 :]])
-    )
+    cut.write_text("\n".join([*rows[: at + 1], f"{mark} C:\\films\\shot1.mov", *rows[at + 1 :]]))
     dubs, _ = written(folder, cut)
     assert [dub["clip"] for dub in dubs] == ["shot0.mov", "shot1.mov", "shot2.mov"]
 
