@@ -13,7 +13,8 @@ from dataclasses import dataclass, field
 LONGEST = 60  # characters of a name with its addition
 MOST_WORDS = 4  # of a name that the manifest does not know
 MOST_ASIDES = 3  # brackets before a name
-COLONS = ":\uff1a\ufe55\ufe13\u2236\ua789"
+BAR = "|"  # as transcribers set a name off
+COLONS = f":\uff1a\ufe55\ufe13\u2236\ua789{BAR}"
 DASHES = "-\u2010\u2011\u2012\u2013\u2014\u2015\u2212"
 LEADING = f"{DASHES}>\u203a\u2022*\u00b7"  # before the words of the next speaker
 BRACKETS = {"[": "]", "(": ")", "\uff08": "\uff09", "\u3010": "\u3011", "\uff3b": "\uff3d"}
@@ -181,7 +182,8 @@ def _labels(text: str) -> Iterator[tuple[str, str, str]]:
             text[end + 1 :].lstrip(f"{COLONS}{DASHES} "),
         )
     colon = min((k for sign in COLONS if (k := head.find(sign)) > 0), default=0)
-    if colon and not (head[colon - 1].isdigit() and head[colon + 1].isdigit()):
+    is_clock = head[colon] != BAR and head[colon - 1].isdigit() and head[colon + 1].isdigit()
+    if colon and not is_clock:
         yield head[:colon].strip(), "colon", text[colon + 1 :].strip()
     dash = next((k for k, c in enumerate(head) if c in DASHES and head[k + 1].isspace()), 0)
     if dash:

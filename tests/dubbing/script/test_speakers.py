@@ -39,6 +39,7 @@ def said(lines: list[Line]) -> list[tuple[str, str]]:
         "ALBA: Hi there.",
         "ALBA : Hi there.",
         "ALBA:Hi there.",
+        "ALBA|Hi there.",
         "alba: Hi there.",
         "Alba: Hi there.",
         "ALBA (V.O.): Hi there.",
@@ -84,6 +85,16 @@ def test_common_ways_to_name_a_speaker(tmp_path: Path, text: str) -> None:
     assert said(read(tmp_path, "WEBVTT\n\n" + srt(text).replace(",", "."), "ALBA", kind="vtt")) == [
         ("ALBA", "Hi there.")
     ]
+
+
+def test_a_bar_after_a_speakers_number_is_no_clock(tmp_path: Path) -> None:
+    text = srt("SPEAKER_00|Yes.", "SPEAKER_01|2 of them.")
+    names = ("SPEAKER_00", "SPEAKER_01")
+    expected = [("SPEAKER_00", "Yes."), ("SPEAKER_01", "2 of them.")]
+    assert said(read(tmp_path, text, *names)) == expected
+    path = tmp_path / "b.srt"
+    path.write_text(text)
+    assert said(read_lines(path, RATE, None)) == expected  # as `dfrf init` guesses them
 
 
 @pytest.mark.parametrize("form", ["NFC", "NFD"])
