@@ -12,7 +12,7 @@ from dubbing.errors import ExplainedError, ManifestError, MediaError, Problem
 from dubbing.manifest.keys.yaml_lines import quoted
 from dubbing.manifest.schema import shipped_uri
 from dubbing.media import MediaInfo, probe
-from dubbing.script.reading import READERS, read_lines
+from dubbing.script.reading import READERS, read_lines, why_no_script
 
 NAME = "manifest.yaml"
 LONGEST_LEARNT = 15  # seconds
@@ -51,7 +51,7 @@ def write_manifest(folder: Path, say: Callable[[str], None] = lambda _: None) ->
     header = HEADER.format(schema=shipped_uri())
     lines = [header + "identities:", *_identities(found), *_dubs(found)]
     atomic_write_text(target, "\n".join(lines) + "\n")
-    for one in found.left_out[:MOST_SAID]:
+    for one in found.unused[:MOST_SAID]:
         say(f"left out: {one}")
     for pair in found.paired[:MOST_SAID]:
         say(pair)
@@ -79,14 +79,21 @@ def clip_of(recording: str, clips: Iterable[str]) -> str | None:
 class Found:
     """Clips of a folder with picture and sound by name; recordings; why videos are left out.
 
-    ``paired``: what was put together, in words.
+    ``no_scripts``: why files with the endings of scripts are left out. ``paired``: what was put
+    together, in words.
     """
 
     clips: dict[str, MediaInfo] = field(default_factory=dict)
     recordings: list[Path] = field(default_factory=list)
     scripts: list[Path] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
+    no_scripts: list[str] = field(default_factory=list)
     paired: list[str] = field(default_factory=list)
+
+    @property
+    def unused(self) -> list[str]:
+        """Why files are left out, in words."""
+        return self.left_out + self.no_scripts
 
     def pair(self, sound: Path, clip: str, why: str) -> None:
         """Note that a recording or script belongs to a clip."""
@@ -104,7 +111,7 @@ def _identities(found: Found) -> list[str]:
             f"    seconds: {seconds}",
             '    consent: {by: "", reference: ""}',
         ]
-    return lines + [f"  # left out: {why}" for why in found.left_out]
+    return lines + [f"  # left out: {why}" for why in found.unused]
 
 
 def _dubs(found: Found) -> list[str]:
@@ -204,7 +211,10 @@ def sorted_out(folder: Path) -> Found:
     # macOS keeps `._host.mp4` beside `host.mp4` on disks of other systems.
     for path in sorted(path for path in folder.iterdir() if not path.name.startswith(".")):
         if path.suffix.lower() in READERS:
-            found.scripts.append(path)
+            if why := why_no_script(path):
+                found.no_scripts.append(f"{quoted(path.name)}: {why}")
+            else:
+                found.scripts.append(path)
             continue
         try:
             info = probe(path)

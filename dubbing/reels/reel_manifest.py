@@ -78,7 +78,7 @@ def write_manifest(folder: Path, say: Callable[[str], None], ask: Ask | None = N
     if not faces:
         raise ManifestError(str(target), [Problem(0, "", f"no clip in {folder} shows a face")])
     write_sheet(faces, folder / SHEET)
-    for one in found.left_out:
+    for one in found.unused:
         say(f"left out: {one}")
     say(f"{folder / SHEET} shows the faces of {len(found.clips)} clips")
     for number, face in enumerate(faces, 1):

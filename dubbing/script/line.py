@@ -11,6 +11,10 @@ UNNUMBERED = -1  # the number of a line without a printed one, until all of the 
 CLOCK = re.compile(r"(?:(?:([0-9]{1,3}):)?([0-9]{1,3}):)?([0-9]{1,9}(?:[.,][0-9]{1,9})?)")
 
 
+class OtherKindError(ValueError):
+    """A file has the ending of a script, and is something else."""
+
+
 @dataclass(frozen=True)
 class Line:
     """Spoken words with their times and speaker.

@@ -10,7 +10,14 @@ from pathlib import Path
 from dubbing.engine.disk.files import read_text
 from dubbing.errors import ExplainedError
 from dubbing.script import substation, subtitles, ttml
-from dubbing.script.line import LONGEST, UNNUMBERED, Line, is_timecode, seconds_of
+from dubbing.script.line import (
+    LONGEST,
+    UNNUMBERED,
+    Line,
+    OtherKindError,
+    is_timecode,
+    seconds_of,
+)
 from dubbing.script.speakers import Names, guessed, is_sound, turns
 
 MOST_BYTES, MOST_LINES = 10 * 10**6, 50_000
@@ -60,6 +67,20 @@ def read_lines(path: Path, rate: Fraction, names: Collection[str] | None = ()) -
     spoken = _numbered(_once(_spoken(lines, Names(names)), rate))
     in_time = sorted(spoken, key=lambda line: line.start)
     return _carried(in_time, continues=kind in CARRIED)
+
+
+def why_no_script(path: Path) -> str:
+    """Why a file with the ending of a script is something else; '' if it may be one.
+
+    Cameras write XML beside their films, and people keep tables of shots there.
+    """
+    try:
+        READERS[path.suffix.lower()](read_text(path, MOST_BYTES), Fraction(25))
+    except OtherKindError as error:
+        return str(error)
+    except (ExplainedError, csv.Error, ValueError, OSError):
+        pass  # one with mistakes
+    return ""
 
 
 def _problem(line: Line) -> str:
@@ -148,7 +169,7 @@ def _table(text: str, rate: Fraction) -> list[Line]:
     given = [name.strip().lower() for name in rows.fieldnames or ()]
     if missing := [name for name in COLUMNS if name not in given]:
         wanted = ", ".join(COLUMNS)
-        raise ValueError(f"its first row names no column {missing[0]}: it needs {wanted}")
+        raise OtherKindError(f"its first row names no column {missing[0]}: it needs {wanted}")
     rows.fieldnames = given
     numbered = next((name for name in NUMBERS if name in given), "")
     lines = []

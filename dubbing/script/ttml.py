@@ -6,7 +6,7 @@ from fractions import Fraction
 from typing import Any
 from xml.etree import ElementTree
 
-from dubbing.script.line import UNNUMBERED, Line
+from dubbing.script.line import UNNUMBERED, Line, OtherKindError
 from dubbing.script.timecode import frame_of
 
 NAMESPACE, KINDS = "{http://www.w3.org/", ("ttml", "ttaf1")
@@ -34,7 +34,7 @@ def read(text: str, _rate: Fraction) -> list[Line]:
     except ElementTree.ParseError as error:
         raise ValueError(f"it is no XML: {error}") from error
     if _tag(root) != "tt":
-        raise ValueError("it is no timed text: its root is not <tt>")
+        raise OtherKindError("it is no timed text: its root is not <tt>")
     document = _Document(root)
     body = next((child for child in root if _tag(child) == "body"), None)
     if body is not None:

@@ -63,6 +63,24 @@ def test_a_recording_of_the_speaker_serves_as_well(folder: Path) -> None:
     ]
 
 
+def test_a_cameras_xml_and_a_table_of_shots_are_no_scripts(tmp_path: Path) -> None:
+    """Beside a clip, a recording and a script that are alone, whatever they are called."""
+    clips.write_clip(tmp_path / "C0001.mp4", 30)
+    clips.write_sound(tmp_path / "voice.wav", 1)
+    script(tmp_path, "words.srt", "")
+    (tmp_path / "C0001M01.XML").write_text("<NonRealTimeMeta><Duration/></NonRealTimeMeta>")
+    (tmp_path / "shots.csv").write_text("shot,lens\nC0001,35\n")
+    (tmp_path / "half.csv").write_text("in,out,speaker,words\n1,soon,,x\n")
+    _, text = written(tmp_path)
+    assert '# left out: "C0001M01.XML": it is no timed text' in text
+    assert '# left out: "shots.csv": its first row names no column in' in text
+    assert '  # - {name: "half", lines: "half.csv"}' in text
+    for name in ("half.csv", "manifest.yaml"):
+        (tmp_path / name).unlink()
+    scene = {"name": "words", "lines": "words.srt", "identity": "C0001", "audio": "voice.wav"}
+    assert written(tmp_path)[0] == [scene]
+
+
 @pytest.mark.parametrize(
     ("name", "speakers", "why"),
     [

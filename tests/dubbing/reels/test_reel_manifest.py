@@ -230,6 +230,9 @@ def test_other_folders_are_no_reels(folder: Path) -> None:
     assert reel_manifest.write_manifest(folder, print) is None  # two scripts
     (folder / "reel.srt").unlink()
     assert reel_manifest.write_manifest(folder, print) is None  # that of one shot
+    (folder / "s1_it.srt").unlink()
+    (folder / "shots.csv").write_text("shot,lens\ns1,35\n")
+    assert reel_manifest.write_manifest(folder, print) is None  # no script at all
     assert not (folder / reel_manifest.SHEET).exists()
 
 
