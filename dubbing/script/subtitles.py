@@ -18,6 +18,7 @@ SKIPPED = ("NOTE", "STYLE", "REGION", "WEBVTT")  # blocks of VTT without words
 SETTING = re.compile(r"[A-Za-z]\w*:\S+")  # `align:start`, or the place of a picture: `X1:100`
 PRINTED = re.compile(r"[0-9]{1,9}")
 TAG = re.compile(r"(<[\w/.][^<>]*>|\{[^{}]*\})")  # tags do not nest: linear time
+BREAK = re.compile(r"<br\s*/?>", re.IGNORECASE)
 
 
 @dataclass
@@ -93,6 +94,8 @@ def voices_of(text: str) -> list[tuple[str, str]]:
     for place, piece in enumerate(TAG.split(text)):
         if place % 2 == 0:
             parts[-1][1] += piece
+        elif BREAK.fullmatch(piece):
+            parts[-1][1] += "\n"
         elif (voice := _voice(piece)) and voice != parts[-1][0]:
             parts.append([voice, ""])
     spoken = [(voice, html.unescape(words).strip()) for voice, words in parts]

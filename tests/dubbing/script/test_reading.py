@@ -237,6 +237,12 @@ def test_words_that_are_numbers_stay(tmp_path: Path) -> None:
     assert [line.words for line in read(tmp_path, "a.srt", text)] == ["It was 1984", "7"]
 
 
+@pytest.mark.parametrize("tag", ["<br>", "<br/>", "<BR />"])
+def test_a_break_of_html_starts_a_row(tmp_path: Path, tag: str) -> None:
+    text = SRT.replace("evening.\n", f"evening.{tag}")
+    assert read(tmp_path, "a.srt", text)[0].words == "Good evening. And welcome."
+
+
 def test_an_empty_row_in_a_cue_loses_no_words(tmp_path: Path) -> None:
     text = SRT.replace("evening.\n", "evening.\n\n")
     assert read(tmp_path, "a.srt", text)[0].words == "Good evening. And welcome."
