@@ -51,6 +51,7 @@ def read(text: str, rate: Fraction) -> list[Line]:
 def _cues(text: str) -> list[_Cue]:
     cues: list[_Cue] = []
     above, begins, skipped = "", True, False  # begins: the row above begins a block
+    alone = ""  # the last row, between empty ones: a number, where every row is followed by one
     for end in ("\r\r\n", "\r\n", "\r"):  # the first is the second, converted once more
         text = text.replace(end, "\n")
     rows = text.split("\n")
@@ -61,6 +62,8 @@ def _cues(text: str) -> list[_Cue]:
         if timed is not None:
             times, words = timed
             name = above if expected else ""
+            if _follows(alone, cues):
+                name = alone
             if cues and name and cues[-1].rows[-1:] == [name]:
                 cues[-1].rows.pop()
             cues.append(_Cue(name, times, [words] * bool(words)))
@@ -72,8 +75,18 @@ def _cues(text: str) -> list[_Cue]:
                 skipped = row.split(" ")[0] in SKIPPED
             if cues and row and not skipped:
                 cues[-1].rows.append(row)
+        if row:
+            alone = ""
+        elif above and begins:
+            alone = above
         above, begins = row, not above
     return cues
+
+
+def _follows(row: str, cues: list[_Cue]) -> bool:
+    """Whether a row holds a number, and one after that of the last cue."""
+    rows = [cue.name for cue in cues[-1:]] + [row]
+    return all(map(PRINTED.fullmatch, rows)) and (len(rows) == 1 or int(rows[0]) < int(row))
 
 
 def _times(row: str) -> tuple[tuple[str, str], str] | None:

@@ -232,6 +232,26 @@ def test_ends_of_rows(tmp_path: Path, end: str) -> None:
     assert read_lines(tmp_path / "b.srt", FILM) == read(tmp_path, "a.srt", gap)
 
 
+@pytest.mark.parametrize("first", [0, 5])
+def test_every_row_may_be_followed_by_an_empty_one(tmp_path: Path, first: int) -> None:
+    """As word processors paste it: recordings of lines are found by these numbers."""
+    words = ("Hi", "How many?\n12", "Bye")
+    cues = (
+        f"{first + 2 * k}\n00:00:0{k},000 --> 00:00:0{k},500\n{text}\n\n"
+        for k, text in enumerate(words)
+    )
+    text = "".join(cues)
+    spaced = read(tmp_path, "a.srt", text.replace("\n", "\n\n"))
+    assert spaced == read(tmp_path, "b.srt", text)
+    assert [line.number for line in spaced] == [first, first + 2, first + 4]
+    assert [line.words for line in spaced] == ["Hi", "How many? 12", "Bye"]
+
+
+def test_a_number_among_cues_without_numbers_is_spoken(tmp_path: Path) -> None:
+    vtt = "WEBVTT\n\n00:01.000 --> 00:02.000\nHow many?\n\n7\n\n00:03.000 --> 00:04.000\nBye\n"
+    assert [line.words for line in read(tmp_path, "a.vtt", vtt)] == ["How many? 7", "Bye"]
+
+
 def test_words_that_are_numbers_stay(tmp_path: Path) -> None:
     text = "1\n00:00:01,000 --> 00:00:02,000\nIt was\n1984\n\n2\n00:00:03,000 --> 00:00:04,000\n7\n"
     assert [line.words for line in read(tmp_path, "a.srt", text)] == ["It was 1984", "7"]
