@@ -48,6 +48,11 @@ class Names:
         matches = self.alike(written)
         return next(iter(matches)) if len(matches) == 1 else ""
 
+    def in_bracket(self, written: str) -> str:
+        """The name in ``HOST`` or ``HOST, in Spanish``; '' if none matches, or several."""
+        name, _, rest = written.partition(",")
+        return self.known(written) or ("" if self.alike(rest.strip()) else self.known(name))
+
 
 @dataclass
 class Turn:
@@ -143,7 +148,8 @@ def _named(row: str, names: Names, *, more: bool) -> tuple[str, str]:
         labels = list(_labels(row))
         for label, form, words in labels:
             loud = label.isupper() or form in ("bracket", "marked")
-            if (words or more) and (form != "alone" or loud) and (known := names.known(label)):
+            known = names.in_bracket(label) if form == "bracket" else names.known(label)
+            if known and (words or more) and (form != "alone" or loud):
                 return known, words
         for label, form, words in labels:
             if form in ("colon", "bracket") and (words or more) and _is_other(label):

@@ -155,6 +155,22 @@ def test_who_spoke_last_is_a_matter_of_times_not_of_the_files_order(tmp_path: Pa
     assert [(line.number, line.speaker) for line in lines] == [(1, "ALBA"), (2, "ALBA"), (3, "BOB")]
 
 
+@pytest.mark.parametrize(
+    ("text", "whose"),
+    [
+        ("[Alba, in Spanish] Two.", "ALBA"),
+        ("(ALBA, ON PHONE): Two.", "ALBA"),
+        ("[Alba, on radio]\nTwo.", "ALBA"),
+        ("[Alba, Bob] Two.", ""),
+        ("Alba, come here: Two.", ""),
+    ],
+)
+def test_an_addition_to_a_name_in_a_bracket(tmp_path: Path, text: str, whose: str) -> None:
+    line = read(tmp_path, srt("BOB: One.", text, "ALBA: Three."), "ALBA", "BOB")[1]
+    assert (line.speaker == "ALBA" and not line.carried) == bool(whose)
+    assert line.words == ("Two." if whose else text)
+
+
 @pytest.mark.parametrize(("begin", "whose"), [("00,800", ""), ("00,990", "ALBA")])
 def test_what_stands_beside_a_line_is_not_its_speakers(
     tmp_path: Path, begin: str, whose: str
