@@ -165,7 +165,14 @@ def _table(text: str, rate: Fraction) -> list[Line]:
     head = text.partition("\n")[0]
     sign = max(DELIMITERS, key=head.count)
     written = io.StringIO(text, newline=None)
-    rows = csv.DictReader(written, delimiter=sign, skipinitialspace=True, strict=True)
+    plain = sign == "\t" and not _quoted(text)
+    rows = csv.DictReader(
+        written,
+        delimiter=sign,
+        quoting=csv.QUOTE_NONE if plain else csv.QUOTE_MINIMAL,
+        skipinitialspace=True,
+        strict=True,
+    )
     given = [name.strip().lower() for name in rows.fieldnames or ()]
     if missing := [name for name in COLUMNS if name not in given]:
         wanted = ", ".join(COLUMNS)
@@ -187,6 +194,19 @@ def _table(text: str, rate: Fraction) -> list[Line]:
         speaker, words = ((row[name] or "").strip() for name in ("speaker", "words"))
         lines.append(Line(number, begin, end, speaker, words, any(map(is_timecode, times))))
     return lines
+
+
+def _quoted(text: str) -> bool:
+    """Whether quotation marks enclose cells between tabs, and are no words.
+
+    Some spreadsheets write all as it is between tabs. A quotation from one line to another would
+    then be taken for a cell, with tabs in it.
+    """
+    try:
+        cells = csv.reader(io.StringIO(text, newline=None), delimiter="\t", strict=True)
+        return not any("\t" in cell for row in cells for cell in row)
+    except csv.Error:
+        return False
 
 
 def _number(text: str) -> int:

@@ -219,6 +219,16 @@ def test_tables_of_spreadsheets(tmp_path: Path) -> None:
     assert rows(read(tmp_path, "a.tsv", table.replace(";", "\t"))) == found
 
 
+def test_quotations_between_tabs_are_words(tmp_path: Path) -> None:
+    """Where a spreadsheet writes them as they are, one may begin in a line and end in another."""
+    table = "in\tout\tspeaker\twords\n1\t2\tANNA\t{}\n3\t4\tBEN\t{}\n"
+    for words in (('"I went home,', 'and I left."'), ('"No" he said', "x"), ('"Never"', '"No')):
+        found = read(tmp_path, "a.tsv", table.format(*words))
+        assert [line.words for line in found] == [*words]
+    excel = read(tmp_path, "a.tsv", table.format('"""No"" he said"', '"Good\nevening"'))
+    assert [line.words for line in excel] == ['"No" he said', "Good evening"]
+
+
 def test_a_row_of_ass_ends_with_its_line(tmp_path: Path) -> None:
     """Not at the signs that end lines elsewhere: what follows would be lost."""
     odd = ASS.replace("evening", "evening\u2028to\x85you")
