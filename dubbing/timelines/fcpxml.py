@@ -153,7 +153,7 @@ def _picked(element: Element) -> Element:
 
 
 def _item(element: Element, resources: dict[str, Element], rate: Fraction) -> Any:
-    """A clip of OpenTimelineIO; a stack of a composition; None without picture."""
+    """A clip of OpenTimelineIO; a stack of a composition; None without picture, and of a still."""
     import opentimelineio as otio
 
     found, length = _asset(element, resources), _seconds(element.get("duration"))
@@ -162,9 +162,13 @@ def _item(element: Element, resources: dict[str, Element], rate: Fraction) -> An
         nested = element.tag in ("ref-clip", "sync-clip", "mc-clip")
         return otio.schema.Stack(element.get("name", ""), source_range=whole) if nested else None
     asset, late = found
-    if asset.get("hasVideo", "1") == "0" or element.get("srcEnable") == "audio":
+    form = resources.get(asset.get("format", ""))
+    still = (
+        form is not None and not form.get("frameDuration") and not _seconds(asset.get("duration"))
+    )
+    if asset.get("hasVideo", "1") == "0" or element.get("srcEnable") == "audio" or still:
         return None
-    own = _rate(resources[asset.get("format", "")]) if asset.get("format") in resources else rate
+    own = rate if form is None else _rate(form)
     original = asset.find("media-rep")
     url = asset.get("src") or (original.get("src", "") if original is not None else "")
     there = _otio_range(_seconds(asset.get("start")), _seconds(asset.get("duration")), own)

@@ -17,6 +17,8 @@ RESOURCES = """
 <asset id="b" name="b" start="0s" duration="20s" hasVideo="1" format="r1" src="file:///b.mov"/>
 <asset id="c" name="c" start="1001/24s" duration="20s" hasVideo="1" format="r2" src="file:///c.mov"/>
 <asset id="s" name="s" start="0s" duration="20s" hasVideo="0" hasAudio="1" src="file:///s.wav"/>
+<format id="r3" name="FFVideoFormatRateUndefined" width="64" height="48"/>
+<asset id="i" name="i" start="0s" duration="0s" hasVideo="1" format="r3" src="file:///i.png"/>
 <media id="m" name="m"><sequence format="r1"><spine/></sequence></media>
 """
 
@@ -100,6 +102,17 @@ def test_compositions_and_changed_speeds_are_no_films_to_dub_and_sound_is_no_pic
         "nested": reading.NESTED,
         "fast": reading.RETIMED,
     }
+
+
+def test_a_still_has_no_frame_rate_and_is_no_film() -> None:
+    spine = """
+    <asset-clip ref="a" name="film" offset="3600s" start="3600s" duration="2s">
+      <video ref="i" name="logo" lane="1" offset="3600s" start="3600s" duration="1s"/>
+    </asset-clip>
+    <video ref="i" name="card" offset="3602s" start="3600s" duration="2s"/>
+    <asset-clip ref="a" name="after" offset="3604s" start="3604s" duration="1s"/>
+    """
+    assert found(spine) == {"film": (3600, 3602, 0, ""), "after": (3604, 3605, 4, "")}
 
 
 def test_what_is_not_seen_is_not_dubbed() -> None:
