@@ -150,7 +150,8 @@ def _event(item: Any, timeline: Any, markers: list[Any], number: int, drop: bool
     on_cut = item.transformed_time_range(source, timeline.tracks)
     rate = snap(Fraction(on_cut.start_time.rate))
     at = frames(on_cut.start_time)
-    zero = frames(timeline.global_start_time.rescaled_to(on_cut.start_time.rate))
+    start = timeline.global_start_time
+    clock = snap(Fraction(start.rate))
     own = [*item.markers, *(m for m in markers if on_cut.contains(m.marked_range.start_time))]
     nested = not isinstance(item, otio.schema.Clip)
     retimed = edl.changes_speed(item.metadata, source.start_time.rate) or any(
@@ -160,7 +161,7 @@ def _event(item: Any, timeline: Any, markers: list[Any], number: int, drop: bool
     there = getattr(media, "available_range", None)
     return Event(
         number=number,
-        timecode=timecode_of(int(zero + at), rate, drop=drop),
+        timecode=timecode_of(round(frames(start) + at / rate * clock), clock, drop=drop),
         names=tuple(dict.fromkeys(filter(None, _names(item, media)))) or ("no name",),
         rate=snap(Fraction(source.start_time.rate)),
         first=frames(source.start_time),

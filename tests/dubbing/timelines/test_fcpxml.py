@@ -87,6 +87,7 @@ def test_another_rate_is_that_of_the_film() -> None:
     timeline = fcpxml.read(document(spine.replace("1201/24s", "2002/24s")))
     (event,) = reading.cut_of(timeline).events
     assert (event.first, event.stop, event.rate) == (2000, 3000, Fraction(24000, 1001))
+    assert event.timecode == "01:00:00:00"  # of the timeline
 
 
 def test_compositions_and_changed_speeds_are_no_films_to_dub_and_sound_is_no_picture() -> None:
