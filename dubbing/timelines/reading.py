@@ -133,7 +133,8 @@ def cut_of(timeline: Any, *, dropped: bool | None = None) -> Cut:
             if not isinstance(item, otio.core.Item) or isinstance(item, otio.schema.Gap):
                 continue
             media = getattr(item, "media_reference", None)
-            if item.enabled and not isinstance(media, otio.schema.GeneratorReference):
+            seen = item.enabled and track.enabled
+            if seen and not isinstance(media, otio.schema.GeneratorReference):
                 found.append(_event(item, timeline, markers, len(found) + 1, drop))
     return Cut(timeline, drop, tuple(found))
 
@@ -155,7 +156,8 @@ def _event(item: Any, timeline: Any, markers: list[Any], number: int, drop: bool
     own = [*item.markers, *(m for m in markers if on_cut.contains(m.marked_range.start_time))]
     nested = not isinstance(item, otio.schema.Clip)
     retimed = edl.changes_speed(item.metadata, source.start_time.rate) or any(
-        isinstance(effect, otio.schema.TimeEffect) for effect in item.effects
+        isinstance(effect, otio.schema.TimeEffect) and getattr(effect, "time_scalar", 0) != 1
+        for effect in item.effects
     )
     media = getattr(item, "media_reference", None)
     there = getattr(media, "available_range", None)

@@ -272,6 +272,24 @@ def test_what_cannot_be_dubbed_is_said(folder: Path, what: str) -> None:
     assert any(words in one and "event 002 at 01:00:0" in one for one in said)
 
 
+def test_a_speed_of_100_percent_is_none(folder: Path) -> None:
+    made = cuts.timeline(cuts.pieces(3), FILM_RATE)
+    made.tracks[0][1].effects.append(otio.schema.LinearTimeWarp(time_scalar=1.0))
+    otio.adapters.write_to_file(made, str(folder / "cut.otio"))
+    dubs, _ = written(folder, folder / "cut.otio")
+    assert [dub["events"] for dub in dubs] == [[1], [2], [3]]
+
+
+def test_a_track_that_is_off_is_not_dubbed(folder: Path) -> None:
+    made = cuts.timeline(cuts.pieces(3), FILM_RATE)
+    made.tracks.append(made.tracks[0].deepcopy())
+    made.tracks[0].enabled = False
+    del made.tracks[1][1:]
+    otio.adapters.write_to_file(made, str(folder / "cut.otio"))
+    dubs, _ = written(folder, folder / "cut.otio")
+    assert [dub["events"] for dub in dubs] == [[1]]
+
+
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("content", [b"", b"shot0 \xff\x00", b"shot0 is no timeline", b"{}"])
 def test_what_is_no_timeline_is_refused(folder: Path, kind: str, content: bytes) -> None:
