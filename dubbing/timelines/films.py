@@ -47,8 +47,13 @@ class Films:
     def named_in(self, text: str) -> Iterator[MediaInfo]:
         """The films that are called in a text; those that cannot be read are left out."""
         words = same_on_disk(text)
-        named = (path for key, paths in self._named.items() if key in words for path in paths)
-        for path in dict.fromkeys(named):
+        named = {
+            path: None
+            for key, paths in self._named.items()
+            if re.search(rf"(?<![^\W_]){re.escape(key)}(?![^\W_])", words)  # shot1 is not in shot10
+            for path in paths
+        }
+        for path in named:
             try:
                 info = self._look(path)
             except ExplainedError:

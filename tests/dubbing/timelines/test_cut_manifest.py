@@ -176,6 +176,23 @@ def test_the_rate_of_an_edl_is_that_of_its_films(
         written(folder, cut)
 
 
+def test_a_film_whose_name_is_part_of_anothers_is_not_named(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As shot1 in a list of shot10: its rate is not that of the list."""
+    cut = cuts.write(folder / "cut.edl", [Piece(0, 21, 40, 0)], FILM_RATE)
+    (folder / "shot0.mov").rename(folder / "shot00.mov")
+    cut.write_text(cut.read_text().replace("shot0", "shot00"))
+    (folder / "shot0.mov").touch()
+
+    def probe(path: Path) -> MediaInfo:
+        return cuts.info_of(path, FILM_RATE if path.stem == "shot00" else Fraction(24))
+
+    monkeypatch.setattr(cut_manifest, "probe", probe)
+    dubs, _ = written(folder, cut)
+    assert [dub["clip"] for dub in dubs] == ["shot00.mov"]
+
+
 def test_a_clip_at_another_rate_than_its_film_is_refused(folder: Path) -> None:
     cut = cuts.write(folder / "cut.otio", [Piece(0, 21, 40, 0)], Fraction(24))
     with pytest.raises(ManifestError, match="between frames: it has 24 frames a second"):
