@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dubbing.engine.disk.files import read_bounded
+from dubbing.engine.disk.files import read_text
 from dubbing.errors import ExplainedError
 
 LENGTHS = ("opening", "opening_right", "opening_left", "width", "lower_lip", "upper_lip", "chin")
@@ -23,6 +23,7 @@ UNIT = "(eye distances)"
 LINE, FRAME, TIME = "line", "frame", "time (s)"
 CLOSURE = "closure"
 COLUMNS = (LINE, FRAME, TIME, *(f"{name} {UNIT}" for name in LENGTHS), CLOSURE)
+DELIMITERS = ",;\t"  # spreadsheets write semicolons where a comma is the decimal sign
 MOST_BYTES = 50 * 10**6
 LONGEST = 2.0  # eye distances: no mouth is larger
 MOST = [*((name, LONGEST) for name in LENGTHS), (CLOSURE, 1.0)]
@@ -88,7 +89,9 @@ def text_of(rows: Iterable[tuple[int, int, float, np.ndarray]]) -> str:
 def _rows(path: Path) -> list[tuple[int | None, float, list[float]]]:
     """Line, time and values of every row."""
     try:
-        table = csv.DictReader(io.StringIO(read_bounded(path, MOST_BYTES).decode("utf-8-sig")))
+        text = read_text(path, MOST_BYTES)
+        sign = max(DELIMITERS, key=text.partition("\n")[0].count)
+        table = csv.DictReader(io.StringIO(text), delimiter=sign)
         names = {name: (name or "").partition("(")[0].strip() for name in table.fieldnames or ()}
         read = list(table)
     except (OSError, ValueError, csv.Error) as error:
@@ -101,6 +104,8 @@ def _rows(path: Path) -> list[tuple[int | None, float, list[float]]]:
         raise ExplainedError(what, path.name, f"there may be {', '.join(sorted(known))}")
     rows = []
     for number, cells in enumerate(read, 2):
+        if not any(cells.values()):
+            continue  # spreadsheets write empty rows below a table
         if None in cells:
             raise ExplainedError(f"row {number}: more cells than columns", path.name)
         row = {names[key]: cell for key, cell in cells.items()}
@@ -113,7 +118,7 @@ def _rows(path: Path) -> list[tuple[int | None, float, list[float]]]:
 
 def _number(cell: str | None, path: Path, row: int, column: str, most: float) -> float:
     try:
-        value = float(cell or "")
+        value = float((cell or "").replace(",", "."))
     except ValueError:
         value = math.inf
     empty = cell == "nan" and column not in (LINE, "time")

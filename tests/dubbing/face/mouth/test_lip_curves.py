@@ -35,6 +35,17 @@ def test_what_is_written_is_read_again(table: Path) -> None:
     np.testing.assert_allclose(read(table, text, 3).values, values[:1])
 
 
+@pytest.mark.parametrize(("sign", "point"), [(";", ","), (";", "."), ("\t", ","), ("\t", ".")])
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_spreadsheets_save_it_otherwise(table: Path, sign: str, point: str, encoding: str) -> None:
+    rows = [(1, k, TIMES[k], np.full(8, 0.25)) for k in range(4)]
+    text = text_of(rows).replace(",", sign).replace(".", point)
+    table.write_text(text + sign * (len(COLUMNS) - 1) + "\n", encoding=encoding)
+    found = LipCurves.read(table, 1)
+    np.testing.assert_allclose(found.times, TIMES)
+    np.testing.assert_allclose(found.values, 0.25)
+
+
 def test_between_rows_lies_the_middle_and_beside_them_nothing(table: Path) -> None:
     found = read(table, "time,opening\n0.1,0.2\n0.2,0.4\n0.3,\n0.4,0.6\n")
     opening = found.at(np.array([0.09, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.41]))[:, OPENING]
