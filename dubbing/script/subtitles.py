@@ -6,7 +6,7 @@ quadratic time for a long text.
 
 import html
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
 from dubbing.script.line import CLOCK, UNNUMBERED, Line, seconds_of
@@ -18,6 +18,7 @@ SKIPPED = ("NOTE", "STYLE", "REGION", "WEBVTT")  # blocks of VTT without words
 SETTING = re.compile(r"[A-Za-z]\w*:\S+")  # `align:start`, or the place of a picture: `X1:100`
 PRINTED = re.compile(r"[0-9]{1,9}")
 TAG = re.compile(r"(<[\w/.][^<>]*>|\{[^{}]*\})")  # tags do not nest: linear time
+HOLD = Fraction(1, 50)  # seconds
 BREAK = re.compile(r"<br\s*/?>", re.IGNORECASE)
 
 
@@ -45,7 +46,30 @@ def read(text: str, rate: Fraction) -> list[Line]:
         voices = voices_of("\n".join(cue.rows).replace(r"\h", " "))
         shared = len({voice for voice, _ in voices}) > 1
         lines += [Line(number, start, stop, voice, words, shared=shared) for voice, words in voices]
-    return lines
+    return _unrolled(lines)
+
+
+def _unrolled(lines: list[Line]) -> list[Line]:
+    """Lines without the rows that rolling captions, as YouTube's, show again.
+
+    A cue of a hundredth of a second holds the last row before it moves up in the next cue.
+    """
+    kept: list[Line] = []
+    last, held, end = "", "", Fraction(-1)
+    for line in lines:
+        rows = line.words.split("\n")
+        touches = line.start == end
+        end = line.stop
+        if touches and line.stop - line.start <= HOLD and rows == [last]:
+            held = last
+            continue
+        if touches and held and rows[0] == held:
+            rows.pop(0)
+        if rows:
+            kept.append(replace(line, words="\n".join(rows)))
+            last = rows[-1]
+        held = ""
+    return kept
 
 
 def _cues(text: str) -> list[_Cue]:

@@ -262,6 +262,46 @@ def test_a_number_among_cues_without_numbers_is_spoken(tmp_path: Path) -> None:
     assert [line.words for line in read(tmp_path, "a.vtt", vtt)] == ["How many? 7", "Bye"]
 
 
+ROLLING = """WEBVTT
+Kind: captions
+
+00:00:01.000 --> 00:00:02.390 align:start position:0%
+
+hello<00:00:01.480><c> everybody</c>
+
+00:00:02.390 --> 00:00:02.400 align:start position:0%
+hello everybody
+
+
+00:00:02.400 --> 00:00:04.030 align:start position:0%
+hello everybody
+no<00:00:02.800><c> no</c>
+
+00:00:04.030 --> 00:00:04.040 align:start position:0%
+no no
+
+
+00:00:04.040 --> 00:00:05.000 align:start position:0%
+no no
+
+
+00:00:05.000 --> 00:00:06.000 align:start position:0%
+no no
+"""
+
+
+def test_rolling_captions_say_each_row_once(tmp_path: Path) -> None:
+    """YouTube shows a row again in a cue of 10 ms, and above the next row."""
+    expected = [
+        (Fraction(1), Fraction(239, 100), "", "hello everybody"),
+        (Fraction(12, 5), Fraction(403, 100), "", "no no"),
+        (Fraction(5), Fraction(6), "", "no no"),  # which is said twice
+    ]
+    assert rows(read(tmp_path, "a.vtt", ROLLING)) == expected
+    srt = ROLLING.replace("WEBVTT\nKind: captions\n\n", "").replace(" align:start position:0%", "")
+    assert rows(read(tmp_path, "a.srt", srt)) == expected
+
+
 def test_words_that_are_numbers_stay(tmp_path: Path) -> None:
     text = "1\n00:00:01,000 --> 00:00:02,000\nIt was\n1984\n\n2\n00:00:03,000 --> 00:00:04,000\n7\n"
     assert [line.words for line in read(tmp_path, "a.srt", text)] == ["It was 1984", "7"]
