@@ -12,6 +12,11 @@ FORWARDS, NEAR_RATE = re.compile(r"[0-9]{1,4}(\.[0-9]{1,6})?"), 0.1  # after the
 TIMECODE = re.compile(r"\b([0-9]{2})([:;])([0-9]{2})\2([0-9]{2})([:;])([0-9]{2})\b")
 DROPPED = re.compile(r"\b[0-9]{2}:[0-9]{2}:[0-9]{2};[0-9]{2}\b")
 SOURCE = re.compile(r"\* *SOURCE FILE:")
+# An event that is faded in from black: a row of black, its own row, and comments.
+FADED_IN = re.compile(
+    r"^ *([0-9]+) +BL .*\n *(\1 +\S+ +\S+) +[DW][0-9]* +[0-9]+ (.*)((?:\n(?! *[0-9]).*)*)", re.M
+)
+FROM, TO = "FROM CLIP NAME:", "TO CLIP NAME:"
 # A row of an event, and the tracks that its third word names.
 ROW = re.compile(r"\s*([0-9]+)\s+(\S+)\s+(\S+)\s+(C\s.*\S)\s*")
 TRACKS = {"V": "V", "A": "1", "A2": "2", "AA": "12", "B": "V1", "A2/V": "V2", "AA/V": "V12"}
@@ -24,6 +29,8 @@ def plain(text: str, *, drops: bool = False) -> str:
     for each of its tracks, nor timecodes of semicolons alone. That frames are dropped may stand
     above the events instead.
 
+    Nor is a fade from black where a track begins: it becomes a cut, as a dub has no black to mix.
+
     Speeds stand in it twice: the adapter forgets one if the event is as long as its source, and
     keeps comments that it does not know.
 
@@ -34,6 +41,7 @@ def plain(text: str, *, drops: bool = False) -> str:
     modes = {row.split(":")[1].strip() for row in text.splitlines() if row.startswith("FCM:")}
     if drops and modes == {"DROP FRAME"} and not dropped(text):
         text = TIMECODE.sub(r"\1:\3:\4;\6", text)
+    text = FADED_IN.sub(_cut_in, text)
     rows: list[str] = []
     for row in SOURCE.sub("* FROM FILE:", text).splitlines():
         rows.append(row.replace(";", ":", 3) if row.startswith(("* LOC:", SPEED)) else row)
@@ -41,6 +49,14 @@ def plain(text: str, *, drops: bool = False) -> str:
         if len(rows) > 1 and (event := _of_all_tracks(*rows[-2:])):
             rows[-2:] = [event]
     return "\n".join(rows)
+
+
+def _cut_in(event: re.Match[str]) -> str:
+    """The text of an event that is faded in from black, as a cut with the name of what it shows."""
+    comments = event[4].split("\n")
+    if any(TO in row for row in comments):
+        comments = [row.replace(TO, FROM) for row in comments if FROM not in row]
+    return "\n".join([f"{event[2]} C {event[3]}", *comments[1:]])
 
 
 def dropped(text: str) -> bool:

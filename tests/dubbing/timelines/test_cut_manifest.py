@@ -236,6 +236,24 @@ def test_an_edl_says_in_several_ways_that_frames_are_dropped(
     assert written(folder, cut)[0] == expected
 
 
+@pytest.mark.parametrize("event", ["001", "002"])
+def test_an_event_of_an_edl_may_be_faded_in_from_black(folder: Path, event: str) -> None:
+    cut = cuts.write(folder / "cut.edl", cuts.pieces(3), FILM_RATE)
+    expected, _ = written(folder, cut)
+    text, zero = cut.read_text(), "00:00:00:00 00:00:00:00"
+    (row,) = (row for row in text.splitlines() if row.startswith(event))
+    *_, begin, _ = row.split()
+    black = f"{event}  BL       V     C        {zero} {begin} {begin}"
+    film = f"shot{int(event) - 1}"
+    text = text.replace(row, f"{black}\n{row.replace('C       ', 'D    012')}")
+    text = text.replace(f"* FROM CLIP NAME:  {film}", f"* TO CLIP NAME:  {film}")
+    cut.write_text(text)
+    assert "* TO CLIP" in text
+    assert " D    012 " in text
+    (folder / "manifest.yaml").unlink()
+    assert written(folder, cut)[0] == expected
+
+
 def test_a_semicolon_in_a_comment_drops_no_frames(folder: Path) -> None:
     cut = cuts.write(folder / "cut.edl", cuts.pieces(3), RATES["29.97"])
     text = cut.read_text().replace(";", ":") + "* COMMENT: later; 10;00\n"
