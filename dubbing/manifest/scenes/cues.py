@@ -164,7 +164,11 @@ class SceneCues:
         for person in self.dub.people:
             own = sorted((c for c in self.cues if c.identity == person), key=lambda c: c.first)
             for cue, following in pairwise(own):
-                if following.first < cue.stop:
+                if cue.first < following.first == cue.stop - 1:  # times were rounded somewhere
+                    seconds = float((following.first - cue.first) / self.rate)
+                    ended = replace(cue, stop=following.first, seconds=seconds)
+                    self.cues[self.cues.index(cue)] = ended
+                elif following.first < cue.stop:
                     both = f"lines {cue.number} and {following.number} of {person} overlap"
                     self.findings.add((*self.at, "lines"), f"{both}: nobody speaks two at a time")
         remedy = "lengthen the cues, shorten the recordings, or set on_longer_audio: cut"

@@ -96,6 +96,19 @@ def test_a_line_begins_and_ends_at_the_nearest_frames(folder: Path) -> None:
     assert (cue.audio_start, cue.seconds) == (13 / 25, 13 / 25)
 
 
+@pytest.mark.parametrize("begin", ["01,019", "01,001", "00,960"])
+def test_lines_that_overlap_by_a_frame_at_most_touch(folder: Path, begin: str) -> None:
+    """Times of a film's frames, rounded to thousandths by another program, may overlap."""
+    text = SRT.replace("BEN", "ANN").replace("01,000", "01,020").replace("01,200", begin)
+    (folder / "touch.srt").write_text(text)
+    dub = "lines: touch.srt, speakers: {ANN: ann}, audio: track.wav"
+    if begin == "00,960":
+        assert any("lines 1 and 2 of ann overlap" in one for one in problems(folder, dub))
+        return
+    one, two, _ = scene_of(folder, dub).cues
+    assert (one.first, one.stop, one.seconds) == (12, two.first, float((two.first - 12) / 25))
+
+
 def test_speech_without_lines_has_the_nearest_frames(folder: Path) -> None:
     dub = "name: x, identity: ann, audio: track.wav, audio_start: 0.5, audio_seconds: 1.03"
     (cue,) = scene_of(folder, dub).cues
