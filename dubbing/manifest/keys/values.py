@@ -103,7 +103,7 @@ def _reel_time(value: Any) -> Any:
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise ValueError(f"must be a time as 3600, 1:00:00 or 01:00:00:00, not {value!r:.60}")
     text = value if isinstance(value, str) else f"{value:.9f}"
-    seconds_of(text, Fraction(1000))
+    seconds_of(text.replace(";", ":"), Fraction(1000))  # whether frames are dropped: see the film
     return text
 
 

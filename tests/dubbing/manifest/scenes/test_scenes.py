@@ -244,6 +244,20 @@ def test_the_lines_of_a_reel_are_dealt_to_its_shots(folder: Path) -> None:
     assert any("reel_start" in problem for problem in problems(folder, dub))
 
 
+@pytest.mark.parametrize("start", ["01:10:00;00", "01;10;00;00", "01:10:01;30"])
+def test_a_reel_may_start_at_a_drop_frame_timecode(folder: Path, start: str) -> None:
+    clips.write_clip(folder / "tv.mp4", 90, Fraction(30000, 1001))
+    (folder / "tv.csv").write_text("in,out,speaker,words\n01:10:00;15,01:10:01;15,ANN,a\n")
+    dub = f"lines: tv.csv, speakers: {{ANN: ann}}, audio: track.wav, reel_start: '{start}'"
+    manifest = written(folder, dub, "tv.mp4")
+    if start.endswith("30"):
+        with pytest.raises(ManifestError, match="has frame 30, but there are 30 a second"):
+            load(manifest)
+        return
+    (cue,) = load(manifest).dubs["tv"].cues
+    assert (cue.first, cue.stop) == (15, 45)
+
+
 def test_one_sound_is_one_cue(folder: Path) -> None:
     scene = scene_of(folder, "identity: ann, audio: track.wav, audio_start: 1, audio_seconds: 1.5")
     (cue,) = scene.cues
