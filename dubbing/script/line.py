@@ -26,6 +26,7 @@ class Line:
         counted: whether its times are timecodes, which count frames.
         shared: whether another person speaks in the same cue.
         carried: whether it names nobody, and is assigned to the speaker before it.
+        drops: whether its timecodes are drop-frame.
     """
 
     number: int
@@ -36,6 +37,7 @@ class Line:
     counted: bool = False
     shared: bool = False
     carried: bool = False
+    drops: bool = False
 
 
 def is_timecode(text: str) -> bool:

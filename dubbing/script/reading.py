@@ -192,7 +192,8 @@ def _table(text: str, rate: Fraction) -> list[Line]:
         except ValueError as error:
             raise ValueError(f"line {place}: {error}") from error
         speaker, words = ((row[name] or "").strip() for name in ("speaker", "words"))
-        lines.append(Line(number, begin, end, speaker, words, any(map(is_timecode, times))))
+        kind = {"counted": any(map(is_timecode, times)), "drops": ";" in "".join(times)}
+        lines.append(Line(number, begin, end, speaker, words, **kind))
     return lines
 
 

@@ -115,8 +115,9 @@ class _Document:
         named = {name: "".join(words) for name, words in parts.items()}
         spoken = {name: words for name, words in named.items() if words.strip()}
         number = _digits(element.get(f"{XML}id", ""))
+        several = len(spoken) > 1
         self.lines += [
-            Line(number, start, stop, name, words, self.counts_frames, len(spoken) > 1)
+            Line(number, start, stop, name, words, self.counts_frames, several, drops=self.drops)
             for name, words in spoken.items()
         ]
 

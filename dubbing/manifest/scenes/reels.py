@@ -43,6 +43,9 @@ def of_film(findings: Findings, at: KeyPath, dub: Dub, film: MediaInfo, lines: l
             return Dealt([])
     elif bases[False]:
         findings.warnings.append(f"{dub.name}: times of {name} count from {film.timecode}")
+    elif film.drops and bases[True] and any(line.counted and not line.drops for line in lines):
+        what = f"{name} has timecodes as 01:00:00:00, and its film drops frames: write 01:00:00;00"
+        findings.warnings.append(f"{dub.name}: {what}")
     dealt, elsewhere = [], 0
     for line in lines:
         base = bases[line.counted]

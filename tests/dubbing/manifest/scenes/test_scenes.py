@@ -258,6 +258,24 @@ def test_a_reel_may_start_at_a_drop_frame_timecode(folder: Path, start: str) -> 
     assert (cue.first, cue.stop) == (15, 45)
 
 
+@pytest.mark.parametrize(("sign", "first"), [(";", 602), (":", 710)])
+def test_timecodes_that_count_otherwise_than_the_films_are_warned_of(
+    folder: Path, sign: str, first: int
+) -> None:
+    """An hour into the day they are 108 frames late."""
+    clips.write_clip(folder / "hour.mp4", 900, Fraction(30000, 1001))
+    timecode = ["-c", "copy", "-timecode", "01:00:00;00"]
+    clips.ffmpeg("-i", folder / "hour.mp4", *timecode, "-y", folder / "hour.mov")
+    row = f"01:00:20{sign}02,01:00:21{sign}00,ANN,a\n"
+    (folder / "hour.csv").write_text(f"in,out,speaker,words\n{row}")
+    clips.write_sound(folder / "minute.wav", 30)
+    dub = "lines: hour.csv, speakers: {ANN: ann}, audio: minute.wav"
+    manifest = load(written(folder, dub, "hour.mov"))
+    warned = [one for one in manifest.warnings if "its film drops frames" in one]
+    assert bool(warned) == (sign == ":")
+    assert manifest.dubs["hour"].cues[0].first == first
+
+
 def test_one_sound_is_one_cue(folder: Path) -> None:
     scene = scene_of(folder, "identity: ann, audio: track.wav, audio_start: 1, audio_seconds: 1.5")
     (cue,) = scene.cues
