@@ -1,5 +1,6 @@
 """Reads a timeline: EDL (CMX3600), AAF and OTIO by OpenTimelineIO, FCPXML by `fcpxml`."""
 
+import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
@@ -18,7 +19,7 @@ from dubbing.timelines import edl, fcpxml
 MOST_BYTES = 10**8
 ADAPTERS = {".edl": "cmx_3600", ".fcpxml": "", ".aaf": "AAF", ".otio": "otio_json"}
 NESTED = "it is a composition in itself: flatten it"
-DROP = 'tcFormat="DF"'
+DROP = re.compile(r'<sequence\b[^>]* tcFormat="DF"')  # clips have one of their own
 RETIMED = "its speed is changed: write a film of it, and cut that in"
 
 
@@ -108,7 +109,7 @@ def read(path: Path, films: Callable[[str], Iterable[MediaInfo]]) -> Cut:
         several = [one for one in several if isinstance(one, otio.schema.Timeline)]
         if len(several) != 1:
             raise ValueError(f"it holds {len(several)} timelines, not one")
-        dropped = {".edl": edl.dropped(text), ".fcpxml": DROP in text}.get(kind)
+        dropped = {".edl": edl.dropped(text), ".fcpxml": bool(DROP.search(text))}.get(kind)
         return cut_of(several[0], dropped=dropped)
     except Exception as error:  # adapters raise anything at what they cannot read
         why = " ".join(str(error).split())[:200] or type(error).__name__

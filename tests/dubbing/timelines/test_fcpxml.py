@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
@@ -103,6 +104,20 @@ def test_compositions_and_changed_speeds_are_no_films_to_dub_and_sound_is_no_pic
         "nested": reading.NESTED,
         "fast": reading.RETIMED,
     }
+
+
+@pytest.mark.parametrize(("sequence", "clip"), [("DF", "NDF"), ("NDF", "DF")])
+def test_a_timeline_drops_frames_where_its_sequence_does(
+    tmp_path: Path, sequence: str, clip: str
+) -> None:
+    spine = f'<asset-clip ref="c" name="c" duration="1001/24s" tcFormat="{clip}"/>'
+    text = document(spine, start="1800/1s").replace("100/2500s", "1001/30000s")
+    (tmp_path / "a.fcpxml").write_text(
+        text.replace('tcFormat="NDF"><spine>', f'tcFormat="{sequence}"><spine>')
+    )
+    cut = reading.read(tmp_path / "a.fcpxml", lambda _: ())
+    assert cut.drop == (sequence == "DF")
+    assert (";" in cut.events[0].timecode) == cut.drop
 
 
 def test_a_still_has_no_frame_rate_and_is_no_film() -> None:
