@@ -19,7 +19,7 @@ from dubbing.timelines import edl, fcpxml
 MOST_BYTES = 10**8
 ADAPTERS = {".edl": "cmx_3600", ".fcpxml": "", ".aaf": "AAF", ".otio": "otio_json"}
 NESTED = "it is a composition in itself: flatten it"
-DROP = re.compile(r'<sequence\b[^>]* tcFormat="DF"')  # clips have one of their own
+DROP = re.compile(r'<sequence\b[^<>]* tcFormat="DF"')  # clips have one of their own
 RETIMED = "its speed is changed: write a film of it, and cut that in"
 
 
