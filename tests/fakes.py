@@ -81,7 +81,7 @@ def write_prepared(
         rotation=np.tile(np.eye(3), (frames, 1, 1)),
         translation=np.tile([0.0, 0.0, 7.0], (frames, 1)),
         centre=np.full((frames, 2), size / 2),
-        crop=np.tile(np.array(window, float), (frames, 1)),
+        crop=np.tile(np.array([*window, 0.0]), (frames, 1)),
         valid=valid,
         detected=valid,
         covered=np.zeros(frames, bool),

@@ -36,9 +36,9 @@ class HalvedClip(PreparedClip):
 
         Its crop has `MOST_PX` at most: a larger one takes longer than a second for a second.
         """
-        size, window = min(clip.size // 2, MOST_PX), np.floor(clip.crop / 2)
-        zoom = size / window[:, 2:]
-        scale = clip.crop[:, 2:] / clip.size * zoom / 2
+        size, window = min(clip.size // 2, MOST_PX), np.floor(clip.crop / [2, 2, 2, 1])
+        zoom = size / window[:, 2:3]
+        scale = clip.crop[:, 2:3] / clip.size * zoom / 2
         shift = (clip.crop[:, :2] / 2 - window[:, :2]) * zoom + scale / 2 - 0.5
         same = {field.name: getattr(clip, field.name) for field in fields(clip)}
         noise = clip.noise.copy()

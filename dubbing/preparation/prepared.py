@@ -28,7 +28,7 @@ from dubbing.media import PixelFormat, Planes, probe, read_frames, read_planes
 from dubbing.preparation.file_names import SUMMARY
 from dubbing.preparation.film_frame import FilmFrame
 
-VERSION = 13
+VERSION = 14
 HEAD_RADIUS = 1.7  # units (10 cm), the largest extent of a head from its origin
 TRACK, MATTE, BACKGROUND = "track.npz", "matte.mkv", "background.mkv"
 OVERLAY = "overlay.mkv"  # masks of all frames, if something lies over the face in any
@@ -77,7 +77,7 @@ class PreparedClip:
         rotation, translation: (T, 3, 3), (T, 3) OpenCV head pose, X_cam = R X + t, units of 10 cm.
         centre: (T, 2) principal point in px of the crop: one camera of the full frame, seen
             through a moving window.
-        crop: (T, 3) x0, y0, side of the window in px of the source.
+        crop: (T, 4) window in px of the source, see `cropping`.
         valid: (T,) the head is seen, and its pose is known. detected: (T,) its landmarks are known,
             too: a head in profile may have none. covered: (T,) something lies before its mouth.
         over: (T,) something lies over a part of the face, as the overlay shows.
@@ -314,7 +314,7 @@ class PreparedClip:
         """How far the head moves in each of some frames, (F, 2) px of the crop."""
         stop = len(self) if count is None else min(start + count, len(self))
         middles = self.landmarks[:, list(RIGID)].mean(1) + self.crop[:, :2] * (
-            self.size / self.crop[:, 2:]
+            self.size / self.crop[:, 2:3]
         )
         index = np.arange(start, stop)
         before, after = np.maximum(index - 1, 0), np.minimum(index + 1, len(self) - 1)

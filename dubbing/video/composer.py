@@ -205,7 +205,7 @@ class Composer:
         if image is None:
             assert planes is not None
             return planes
-        out, replaced = with_faces(image, faces, index)
+        out, replaced = with_faces(image, faces, index, crops=self.frames != "full")
         if self.mark is not None:
             out = self.mark.draw(out, replaced, number)
         if self.delivery is not None:
@@ -218,9 +218,9 @@ class Composer:
 
 
 def with_faces(
-    image: np.ndarray, faces: Sequence[Face], index: int
+    image: np.ndarray, faces: Sequence[Face], index: int, *, crops: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Frame ``index`` of the film (or its crop) with faces replaced, one after the other.
+    """Frame ``index`` of the film, or its head crop, with faces replaced, one after the other.
 
     And how much of each pixel is replaced, (H, W) uint8.
     """
@@ -229,7 +229,7 @@ def with_faces(
         if face.share > 0:
             picture, *masks = replacement(face.film, face.head)
             mask, new = ((m * face.share).round().astype(np.uint8) for m in masks)
-            if len(image) == len(mask) == image.shape[1]:
+            if crops:
                 image = blend(image, picture, mask)
             else:
                 image, mask = face.clip.paste(image, index, picture, mask)

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from dubbing.preparation.background.pixels import Part, extent
+from dubbing.preparation.tracking.cropping import turned
 from dubbing.video.heads import Face
 
 Beside = tuple[np.ndarray | None, np.ndarray | None]
@@ -38,15 +39,15 @@ def with_those_beside(
 def vectors(face: Face, index: int, way: int, part: Part) -> np.ndarray | None:
     """Where the pixels of a head are in the frame before (-1) or after (1), less where they are.
 
-    (h, w, 2) float32 of a part of frame ``index``, in px to the right and up, as Nuke counts, in
-    steps of `STEP`. None at the edges of a cue and of a shot.
+    (h, w, 2) float32 of a part of frame ``index``, turned as its window is, in px to the right and
+    up, as Nuke counts, in steps of `STEP`. None at the edges of a cue and of a shot.
     """
     other, clip, beside = face.beside[way == FORWARD], face.clip, index + way
     if other is None or not 0 <= beside < len(clip):
         return None
     if clip.segment[beside] != clip.segment[index]:
         return None
-    (*corner, side), size = clip.crop[index], len(other)
+    (*corner, side, _), size = clip.crop[index], len(other)
     scale, (rows, columns) = size / side, part
     # First and stop of the part in the crop, with room for what moves in and out of it.
     begins = [(k.start - c) * scale for k, c in zip((columns, rows), corner, strict=True)]
@@ -81,18 +82,25 @@ def motion(
         replaced: (h, w) bool, the pixels that have any.
     """
     out = np.zeros((*replaced.shape, 4), np.float16)
+    far = np.array(corner) + replaced.shape[::-1] - 1
     for face in faces:
-        left, top, side = face.clip.crop[index].astype(int) - (*corner, 0)
+        *place, side, turns = face.clip.crop[index].astype(int)
+        first = turned(np.stack((corner, far)), turns, face.clip.source_size).min(0)
+        left, top = place - first
+        upright, upright_out = np.rot90(replaced, turns), np.rot90(out, turns)
         y, x = max(0, top), max(0, left)
-        within = extent(replaced[y : max(0, top + side), x : max(0, left + side)])
+        within = extent(upright[y : max(0, top + side), x : max(0, left + side)])
         if within[0] == slice(0, 0):
             continue
         rows, columns = _moved(within, x, y)
-        own = replaced[rows, columns, None]
+        own = upright[rows, columns, None]
         for k, way in enumerate((BACKWARD, FORWARD)):
-            found = vectors(face, index, way, _moved((rows, columns), *corner))
+            found = vectors(face, index, way, _moved((rows, columns), *first.tolist()))
             if found is not None:
-                np.copyto(out[rows, columns, 2 * k : 2 * k + 2], found, "same_kind", where=own)
+                for _ in range(turns):  # back, clockwise
+                    found = found[..., ::-1] * np.array([1, -1], np.float32)
+                there = upright_out[rows, columns, 2 * k : 2 * k + 2]
+                np.copyto(there, found, "same_kind", where=own)
     return out
 
 

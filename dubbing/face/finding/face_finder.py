@@ -14,11 +14,12 @@ import numpy as np
 from dubbing.face.finding.box_detector import FACES, BoxDetector
 from dubbing.face.finding.graph_network import network
 from dubbing.face.finding.landmark_network import LandmarkNetwork
-from dubbing.face.finding.regions import Images, Region, overlap
+from dubbing.face.finding.regions import MARGIN, TILTED, Images, Region, overlap, tilt
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
 from dubbing.face.weight_paths import FACE_DETECTOR, FACE_LANDMARKS
 
 CONFIDENCE = 0.5  # a detected face's least score
+AGAIN = 2  # times that a tilted face is looked at again
 SAME_FACE = 0.5  # intersection over union of regions
 
 
@@ -40,13 +41,23 @@ class FaceFinder:
         self._followed = [*regions]
 
     def find(self, images: Images) -> list[list[np.ndarray]]:
-        """Faces of images that need not follow one another."""
-        return self._look(images, [distinct(some) for some in self.detect(images)])
+        """Faces of images that need not follow one another.
+
+        The box of a tilted face is detected roughly: it is looked at again where its points lie.
+        """
+        found = self._look(images, [distinct(some) for some in self.detect(images)])
+        for image, faces in zip(images, found, strict=True):
+            for _ in range(AGAIN):
+                for k, region in enumerate(map(region_of, faces)):
+                    if abs(region.rotation) > np.radians(TILTED[0]):
+                        (again,) = self._look([image], [[region]])
+                        faces[k : k + 1] = again or faces[k : k + 1]
+        return found
 
     def detect(self, images: Images) -> list[list[Region]]:
         """Regions of faces of images, in which `follow` looks beside those that it follows."""
         boxes = self._detector(images, self._faces)
-        return [[Region.around(box[0], box[1], box[2:]) for box in some] for some in boxes]
+        return [[_detected(*box) for box in some] for some in boxes]
 
     def follow(
         self, image: np.ndarray, detected: Sequence[Region] | None = None
@@ -89,4 +100,11 @@ def distinct(regions: Sequence[Region]) -> list[Region]:
 def region_of(points: np.ndarray) -> Region:
     """The region in which a face with these points (478, 3) is looked for in the next frame."""
     flat = points[:, :2]
-    return Region.around(flat.min(0), flat.max(0), flat[[LEFT_EYE_OUTER, RIGHT_EYE_OUTER]])
+    return Region.around(flat, flat[[LEFT_EYE_OUTER, RIGHT_EYE_OUTER]])
+
+
+def _detected(low: np.ndarray, high: np.ndarray, *eyes: np.ndarray) -> Region:
+    """The region of a detected box; see `BoxDetector`."""
+    column, row = (low + high) / 2
+    side = MARGIN * float((high - low).max())
+    return Region(float(column), float(row), side, tilt(np.stack(eyes)))

@@ -57,7 +57,7 @@ def focal_length(window: np.ndarray, source_size: tuple[int, int], size: int) ->
     """Focal length of a crop, px.
 
     Args:
-        window: (T, 3) windows of the crop, all of one side, in px of the source.
+        window: (T, 4) windows of the crop, all of one side, see `cropping`.
         source_size: width and height of the source, px.
         size: side of the crop, px.
     """

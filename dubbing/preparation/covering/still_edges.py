@@ -21,7 +21,7 @@ class Film:
     """The crops of a film.
 
     Attributes:
-        crops: (T, S, S, 3) RGB. points: (T, P, 2 or more) px. window: (T, 3) x0, y0, side.
+        crops: (T, S, S, 3) RGB. points: (T, P, 2 or more) px. window: (T, 4), see `cropping`.
         scale: of what is looked at, to a crop.
     """
 

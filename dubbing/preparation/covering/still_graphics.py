@@ -160,7 +160,7 @@ class StillGraphics:
     """The graphics of a clip that stand still over a face.
 
     Args:
-        crops: (T, S, S, 3) RGB. points: (T, P, 2 or more) px. window: (T, 3) x0, y0, side.
+        crops: (T, S, S, 3) RGB. points: (T, P, 2 or more) px. window: (T, 4), see `cropping`.
         valid, segment: (T,) whether the face is known, and the number of the shot.
     """
 

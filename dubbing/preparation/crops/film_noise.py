@@ -6,6 +6,8 @@ noise alone, whether the camera stands or moves. They are those that differ leas
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import cv2
 import numpy as np
 
@@ -25,11 +27,11 @@ class NoiseMeter:
     """Measures the noise in the windows of a film's frames, given one after the other.
 
     Args:
-        frames: T. segment: (T,) number of the shot. window: (T, 3), see `cropping`.
+        segment: (T,) number of the shot. cut: the window of frame t, (side, side, 3), of an image.
     """
 
-    def __init__(self, segment: np.ndarray, window: np.ndarray) -> None:
-        self._segment, self._window = segment, window.astype(int)
+    def __init__(self, segment: np.ndarray, cut: Callable[[np.ndarray, int], np.ndarray]) -> None:
+        self._segment, self._cut = segment, cut
         self._firsts = {t for shot in np.unique(segment) for t in pairs(segment == shot)}
         self._before: np.ndarray | None = None
         self._found: dict[int, list[np.ndarray]] = {}
@@ -37,9 +39,7 @@ class NoiseMeter:
     def add(self, t: int, image: np.ndarray) -> None:
         """Frame t of the film, (H, W, 3) uint8."""
         if self._before is not None:
-            x0, y0, side = self._window[t]
-            part = np.s_[y0 : y0 + side, x0 : x0 + side]
-            found = measured(self._before[part], image[part])
+            found = measured(self._cut(self._before, t), self._cut(image, t))
             if found is not None:
                 self._found.setdefault(int(self._segment[t]), []).append(found)
         self._before = image if t in self._firsts else None

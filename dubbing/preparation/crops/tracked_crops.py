@@ -33,7 +33,7 @@ class TrackedCrops:
     """Crops of a tracked clip, from which matte and background are made.
 
     crops (T, S, S, 3), person masks and opacities of persons (T, S, S), all uint8 and mapped;
-    window (T, 3), landmarks (T, 478, 2) and jaw outline (T, K, 2) px of the crop, valid (T,)
+    window (T, 4), landmarks (T, 478, 2) and jaw outline (T, K, 2) px of the crop, valid (T,)
     bool: the head's position is known, segment (T,) int. gain and offset (T, 3): colours of a
     frame are gain * usual + offset; 1 and 0 in the usual light.
     """

@@ -19,7 +19,7 @@ from dubbing.preparation.crops.film_noise import NoiseMeter
 from dubbing.preparation.crops.threads import in_order
 from dubbing.preparation.crops.tracked_crops import CROPS, create_images
 from dubbing.preparation.matting.masks import People
-from dubbing.preparation.tracking.cropping import choose_windows, crop, to_crop
+from dubbing.preparation.tracking.cropping import choose_windows, crop, to_crop, within
 from dubbing.preparation.tracking.following import strays
 from dubbing.preparation.tracking.portraits import Portrait
 from dubbing.preparation.tracking.survey import Survey, survey
@@ -36,7 +36,8 @@ def survey_step(
 ) -> Arrays:
     """Cuts, the followed face's boxes and the crop windows; see :mod:`survey`."""
     result: Survey = survey(info, progress, people, first)
-    window = choose_windows(result.box, result.segment, (info.width, info.height), float(info.rate))
+    sizes = (info.width, info.height), float(info.rate)
+    window = choose_windows(result.box, result.segment, result.turns, *sizes)
     return {
         "segment": result.segment,
         "repeated": result.repeated,
@@ -66,10 +67,14 @@ def landmark_step(
         PreparationError: hardly any frame has a face.
     """
     segment, window, box = surveyed["segment"], surveyed["window"], surveyed["box"]
-    middles = [to_crop((b[:2] + b[2:]) / 2, w, size) for b, w in zip(box, window, strict=True)]
+    places, source = (
+        zip((box[:, :2] + box[:, 2:]) / 2, window, strict=True),
+        (info.width, info.height),
+    )
+    middles = [to_crop(middle, w, size, source) for middle, w in places]
     crops = create_images(folder / CROPS, info.frames, size, size, 3)
     static = FaceMesh(tracking=False, faces=int(surveyed["most_faces"]))
-    meter = NoiseMeter(segment, window)
+    meter = NoiseMeter(segment, lambda image, t: within(image, window[t]))
 
     def cropped() -> Iterator[tuple[list[int]]]:
         images = enumerate(read_frames(info.path, start=first, count=info.frames))

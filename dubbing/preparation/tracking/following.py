@@ -19,11 +19,12 @@ BESIDE, STRAY = 3, 0.35  # frames before and after; face sizes from the middle o
 
 @dataclass(frozen=True)
 class Sighting:
-    """One face in one frame; box (4,) px, looks (D,)."""
+    """One face in one frame; box (4,) px, looks (D,), tilt clockwise in radians."""
 
     frame: int
     box: np.ndarray
     looks: np.ndarray
+    tilt: float = 0.0
 
     @property
     def size(self) -> float:
@@ -60,12 +61,14 @@ class Followed:
     """One face through a clip.
 
     box (T, 4) px, interpolated between sightings; sighted (T,) bool: the frame has a sighting;
+    turns (T,): quarter turns counterclockwise after which it is upright, the same in a shot;
     distance of its looks from the person's (shots,): 0 at a place, NaN where the shot does not show
     it.
     """
 
     box: np.ndarray
     sighted: np.ndarray
+    turns: np.ndarray
     distance: np.ndarray
 
 
@@ -97,7 +100,7 @@ def follow(sightings: list[Track], segment: np.ndarray, people: Sequence[Person]
                 chosen += max(tracks, key=lambda track: sum(face.size for face in track))
                 distance[shot] = 0
     box, sighted = boxes(chosen, segment)
-    return Followed(box, sighted, distance)
+    return Followed(box, sighted, quarter_turns(chosen, segment), distance)
 
 
 def assign(
@@ -162,6 +165,14 @@ def boxes(chosen: Track, segment: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             for k in range(4):
                 box[first:last, k] = np.interp(every[first:last], where, box[where, k])
     return box, sighted
+
+
+def quarter_turns(chosen: Track, segment: np.ndarray) -> np.ndarray:
+    """Quarter turns (T,), 0 to 3, after which the mean face of each shot is upright."""
+    along = np.zeros(segment[-1] + 1, complex)
+    for face in chosen:
+        along[segment[face.frame]] += np.exp(1j * face.tilt)
+    return np.asarray((np.angle(along) / (np.pi / 2)).round().astype(int) % 4)[segment]
 
 
 def tracks_of(sightings: Sequence[Track], segment: np.ndarray, shot: int) -> list[Track]:

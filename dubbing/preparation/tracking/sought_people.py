@@ -8,6 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from dubbing.face.finding.landmarks import MOST_FACES, FaceMesh
+from dubbing.face.finding.regions import tilt
+from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
 from dubbing.media import MediaInfo, probe, read_frames
 from dubbing.preparation.tracking.following import (
     MAX_MOTION,
@@ -104,6 +106,7 @@ def sightings_of(
             frame,
             np.concatenate((points[:, :2].min(0), points[:, :2].max(0))) / scale + (corner * 2),
             looks(image, points),
+            tilt(points[[LEFT_EYE_OUTER, RIGHT_EYE_OUTER], :2]),
         )
         for points in faces
     ]

@@ -38,6 +38,7 @@ TILE_SHARE = 0.5  # of the shorter side of the frame
 class Survey:
     """Frames T: segment (T,) int, repeated (T,) bool, box (T, 4) of the followed face.
 
+    ``turns`` (T,): quarter turns after which it is upright in its shot, see `cropping`.
     ``shown`` (T,): share of a frame that is of its shot; less than 1 in a dissolve. ``distance``
     (shots,): of its looks from the person's, NaN where a shot does not show it; see `following`.
     ``most_faces``: largest number of faces in one frame; ``other``: frame, column and row of the
@@ -48,6 +49,7 @@ class Survey:
     repeated: np.ndarray
     shown: np.ndarray
     box: np.ndarray
+    turns: np.ndarray
     distance: np.ndarray
     most_faces: int
     other: np.ndarray
@@ -113,7 +115,7 @@ def survey(
     repeated[0] = False
     most, other = max(map(len, sightings)), other_face(sightings, face.box)
     share = shown(info.frames, dissolves)
-    return Survey(segment, repeated, share, face.box, face.distance, most, other)
+    return Survey(segment, repeated, share, face.box, face.turns, face.distance, most, other)
 
 
 def other_face(sightings: list[list[Sighting]], box: np.ndarray) -> np.ndarray:

@@ -35,9 +35,9 @@ RELIEF_FRAMES = 150
 
 
 def principal_points(window: np.ndarray, source_size: tuple[int, int], size: int) -> np.ndarray:
-    """Middle of the full frame in px of every crop: (T, 2) for windows (T, 3)."""
+    """Middle of the full frame in px of every crop: (T, 2) for windows (T, 4)."""
     middle = (np.array(source_size) - 1) / 2
-    return np.stack([to_crop(middle, w, size) for w in window])
+    return np.stack([to_crop(middle, w, size, source_size) for w in window])
 
 
 def observations(info: MediaInfo, size: int, surveyed: Arrays, detected: Arrays) -> Observations:

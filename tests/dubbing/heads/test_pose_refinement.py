@@ -74,7 +74,7 @@ def filmed(model: FastModel, folder: Path, count: int) -> PreparedClip:
         clip.with_poses(c2w.double().numpy()),
         focal=FOCAL,
         centre=np.tile(centre.double().numpy(), (count, 1)),
-        crop=np.tile([0.0, 0.0, SIZE], (count, 1)),
+        crop=np.tile([0.0, 0.0, SIZE, 0.0], (count, 1)),
         landmarks=np.tile(landmarks(), (count, 1, 1)),
         segment=np.repeat([0, 1], [count - 4, 4]),
     )

@@ -28,7 +28,7 @@ def test_places_of_the_film_stay(clip: PreparedClip) -> None:
     assert half.focal == pytest.approx(clip.focal / 2)
     # The same place of the film, at half its size: whole numbers are middles of pixels.
     places = (clip.landmarks[2] + 0.5) * (clip.crop[2, 2] / clip.size) + clip.crop[2, :2] - 0.5
-    expected = to_crop((places + 0.5) / 2 - 0.5, half.crop[2], half.size)
+    expected = to_crop((places + 0.5) / 2 - 0.5, half.crop[2], half.size, half.source_size)
     np.testing.assert_allclose(half.landmarks[2], expected, atol=1e-9)
     # So does the camera: it sees landmarks in the same directions.
     before, after = ((one.landmarks[2] - one.centre[2]) / one.focal for one in (clip, half))

@@ -117,6 +117,21 @@ def test_a_part_is_prepared_as_a_clip_of_its_own_is(
         assert np.array_equal(frame.background, other.background)
 
 
+def test_a_head_that_lies_on_its_side_is_prepared_as_one_that_sits(
+    speaker: tuple[Path, SpeakerTruth], prepared: PreparedClip, tmp_path: Path
+) -> None:
+    with VideoWriter(tmp_path / "lying.mkv", SIZE, SIZE, Fraction(25), "ffv1") as video:
+        for image in read_frames(speaker[0]):
+            video.write(np.ascontiguousarray(np.rot90(image, -1)))
+    lying = prepare(tmp_path / "lying.mkv", tmp_path / "out", size=SIZE)
+    assert (lying.crop == [0, 0, SIZE, 1]).all()
+    for name in ("valid", "landmarks", "rotation", "translation", "centre"):
+        assert np.array_equal(getattr(lying, name), getattr(prepared, name)), name
+    for frame, upright in zip(lying.film_frames(), prepared.film_frames(), strict=True):
+        assert np.array_equal(frame.matte, upright.matte)
+        assert np.array_equal(frame.whole, np.rot90(upright.whole, -1))
+
+
 def test_a_clip_without_a_face_gives_a_remedy(tmp_path: Path) -> None:
     clip = tmp_path / "wall.mkv"
     with VideoWriter(clip, 128, 96, Fraction(25), "ffv1") as writer:
@@ -132,7 +147,7 @@ def test_what_only_looked_like_a_face_gives_a_remedy(
 ) -> None:
     """A detector that sees a face in a test pattern, with all its points in one place."""
     clip = clips.write_video(tmp_path / "pattern.mp4", 6)
-    window, box = np.tile([0.0, 0.0, 48.0], (6, 1)), np.tile([8.0, 8.0, 40.0, 40.0], (6, 1))
+    window, box = np.tile([0.0, 0.0, 48.0, 0.0], (6, 1)), np.tile([8.0, 8.0, 40.0, 40.0], (6, 1))
     seen = {"segment": np.zeros(6, int), "repeated": np.zeros(6, bool), "box": box}
     seen |= {"window": window, "most_faces": np.array(1), "followed": np.ones(6, bool)}
     flat = {"points": np.full((6, 478, 3), 20.0, np.float32), "apart": np.zeros(6, np.float32)}

@@ -59,7 +59,7 @@ def prepared(tmp_path: Path) -> PreparedClip:
         rotation=rotation_from_vector(rng.normal(0, 0.2, (FRAMES, 3))),
         translation=rng.normal(0, 0.1, (FRAMES, 3)) + np.array([0, 0, 8]),
         centre=np.full((FRAMES, 2), 31.5),
-        crop=np.tile([12.0, 5.0, 64.0], (FRAMES, 1)),
+        crop=np.tile([12.0, 5.0, 64.0, 0.0], (FRAMES, 1)),
         valid=np.ones(FRAMES, bool),
         detected=np.ones(FRAMES, bool),
         covered=np.zeros(FRAMES, bool),

@@ -105,6 +105,23 @@ def test_every_value_that_is_not_replaced_is_the_films_own(
                 np.testing.assert_array_equal(plane, wanted)
 
 
+def test_a_head_that_lies_in_a_square_film_is_replaced_where_it_lies(
+    scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clip = PreparedClip.load(scene.prepared)
+    size = clip.size
+    clip = replace(clip, crop=np.tile([0.0, 0.0, size, 1.0], (len(clip), 1)))
+    picture = np.full((size, size, 3), 200, np.uint8)
+    mask = np.zeros((size, size), np.uint8)
+    mask[5:9] = 255
+    monkeypatch.setattr(composer, "replacement", lambda *_: (picture, mask, mask))
+    film = next(read_frames(PreparedClip.load(scene.prepared), np.array([0])))
+    face = Face(clip, film, np.zeros(0), 1.0)
+    shown, replaced = composer.with_faces(np.zeros((size, size, 3), np.uint8), [face], 0)
+    assert np.array_equal(np.rot90(replaced), mask)
+    assert np.array_equal(shown[..., 0] > 0, replaced > 0)
+
+
 @pytest.mark.parametrize("frame", ["full", "crop"])
 def test_only_what_is_new_gets_noise(
     scene: Scene, monkeypatch: pytest.MonkeyPatch, frame: str
@@ -119,7 +136,7 @@ def test_only_what_is_new_gets_noise(
     monkeypatch.setattr(composer, "replacement", lambda *_: (picture, mask, new))
     face = Face(clip, film, np.zeros(0), 1.0)
     image = film.whole if frame == "full" else film.image
-    shown, replaced = composer.with_faces(image, [face], 5)
+    shown, replaced = composer.with_faces(image, [face], 5, crops=frame == "crop")
     if frame == "full":
         shown, replaced = (cropping.crop(x, clip.crop[5], clip.size) for x in (shown, replaced))
     away = np.abs(shown.astype(int) - picture).max(2)

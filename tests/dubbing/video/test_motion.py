@@ -40,7 +40,7 @@ def clip(tmp_path: Path) -> PreparedClip:
     """A clip whose window moves by 4 px to the right and 6 px down in a frame."""
     film = clips.write_video(tmp_path / "film.mkv", 3, size=(400, 300))
     prepared = fakes.write_prepared(film, tmp_path / "prepared", size=SIZE)
-    crop = np.array([(40 + 4 * k, 10 + 6 * k, SIDE) for k in range(3)], float)
+    crop = np.array([(40 + 4 * k, 10 + 6 * k, SIDE, 0) for k in range(3)], float)
     return replace(prepared, crop=crop)
 
 
@@ -61,6 +61,30 @@ def test_a_head_that_moves_has_these_vectors(clip: PreparedClip) -> None:
     assert np.abs(np.median(inside, (0, 1)) - expected).max() < 0.2
     assert np.abs(inside - expected).mean() < 0.5
     assert not found[~replaced].any()
+
+
+@pytest.mark.parametrize("turns", [1, 2, 3])
+def test_the_vectors_of_a_head_that_lies_are_those_of_the_film(
+    clip: PreparedClip, turns: int
+) -> None:
+    """The same film, turned clockwise: its windows turn it back."""
+    replaced = np.zeros((300, 400), bool)
+    replaced[90:150, 140:220] = True
+    expected = motion.motion([face(clip)], 1, replaced, (0, 0))
+    width, height = clip.source_size
+    size = (height, width) if turns % 2 else (width, height)
+    lying = replace(clip, crop=clip.crop + np.array([0, 0, 0, turns]), source_size=size)
+    film: FilmFrame = next(clip.film_frames(1, 1))
+    before, head, after = heads()
+    turned = np.rot90(replaced, -turns)
+    part = turned[20:, 30:]
+    found = motion.motion([Face(lying, film, head, 1, (before, after))], 1, part, (30, 20))
+    back = np.rot90(np.pad(found, ((20, 0), (30, 0), (0, 0))), turns)
+    for _ in range(turns):  # vectors, too, counterclockwise
+        back = np.stack([-back[..., 1], back[..., 0], -back[..., 3], back[..., 2]], -1)
+    inside = np.s_[95:145, 145:215]
+    assert np.abs(expected[inside]).max() > 1
+    np.testing.assert_allclose(back[inside], expected[inside], atol=0.25)
 
 
 def test_nothing_moves_over_a_cut_or_the_end_of_a_cue(clip: PreparedClip) -> None:

@@ -190,8 +190,8 @@ def test_a_layer_that_is_wrong_is_not_delivered(
 def test_a_pixel_that_changes_without_opacity_is_not_delivered(
     shot: Shot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def stray(image: np.ndarray, *rest: Any) -> tuple[np.ndarray, np.ndarray]:
-        out, replaced = with_faces(image, *rest)
+    def stray(image: np.ndarray, *rest: Any, **how: Any) -> tuple[np.ndarray, np.ndarray]:
+        out, replaced = with_faces(image, *rest, **how)
         out = out.copy()
         out[0, 0] = 255 - out[0, 0]
         return out, replaced

@@ -25,9 +25,20 @@ def test_depth_has_the_unit_of_the_columns() -> None:
 
 def test_a_region_is_turned_with_the_eyes() -> None:
     eyes = np.array([[10.0, 10.0], [20.0, 20.0]])
-    region = Region.around(np.array([0.0, 0.0]), np.array([30.0, 40.0]), eyes)
-    assert (region.column, region.row, region.side) == (15, 20, 60)
-    assert region.rotation == pytest.approx(np.pi / 4)
+    assert Region.around(eyes, eyes).rotation == pytest.approx(np.pi / 4)
+
+
+@pytest.mark.parametrize("degrees", [-160, -90, -45, -30, 0, 10, 31, 90])
+def test_the_region_of_a_tilted_face_is_as_large_as_that_of_an_upright_one(degrees: float) -> None:
+    angle = np.radians(degrees)
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    points = np.array([[10.0, 10.0], [20.0, 10.0], [5.0, 0.0], [35.0, 40.0]])
+    region, upright = (Region.around(some, some[:2]) for some in (points @ turn, points))
+    assert region.rotation == pytest.approx(angle)
+    assert (upright.column, upright.row, upright.side) == (20, 20, 60)
+    if abs(degrees) >= 30:  # below, as in the published graphs
+        np.testing.assert_allclose([region.column, region.row], [20, 20] @ turn, atol=1e-9)
+        assert region.side == pytest.approx(60)
 
 
 def test_overlap_is_a_share_of_both() -> None:

@@ -41,7 +41,7 @@ def face() -> tuple[np.ndarray, np.ndarray]:
 def film(
     draw: Draw | None, frames: int = FRAMES, moves: float = 5.0, window: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Crops (T, S, S, 3), points (T, 478, 2) and windows (T, 3) of a film with a graphic.
+    """Crops (T, S, S, 3), points (T, 478, 2) and windows (T, 4) of a film with a graphic.
 
     Args:
         draw: onto every frame of the film. moves: px, amplitude of the head. window: px by which
@@ -60,7 +60,7 @@ def film(
         crop = frame[SIZE // 2 : SIZE // 2 + SIZE, x : x + SIZE] + noise
         crops.append(np.clip(crop, 0, 255).astype(np.uint8))
         all_points.append(points + way - (x, SIZE // 2))
-        windows.append((x, SIZE // 2, SIZE))
+        windows.append((x, SIZE // 2, SIZE, 0))
     return np.stack(crops), np.stack(all_points), np.array(windows, float)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -53,6 +55,18 @@ def test_the_largest_face_is_followed_in_every_shot() -> None:
     assert found.distance.tolist() == [0, 0]
     assert found.sighted.sum() == 8
     np.testing.assert_allclose(columns(found.box)[:15], RIGHT - np.arange(15))
+
+
+def test_a_head_that_lies_in_a_shot_is_turned_upright_in_it() -> None:
+    tilts = np.radians([-50, 40, 10, 5, 95, 130, 80, 100])
+    tilted = [
+        [replace(face, tilt=tilt) for face in faces]
+        for faces, tilt in zip(sightings(), tilts, strict=True)
+    ]
+    assert follow(sightings(), SEGMENT).turns.tolist() == [0] * FRAMES
+    assert follow(tilted, SEGMENT).turns.tolist() == [0] * CUT + [1] * (FRAMES - CUT)
+    other_way = [[replace(face, tilt=-face.tilt) for face in faces] for faces in tilted]
+    assert follow(other_way, SEGMENT).turns.tolist() == [0] * CUT + [3] * (FRAMES - CUT)
 
 
 def test_the_face_at_a_point_is_found_again_by_its_looks() -> None:

@@ -42,7 +42,7 @@ def warnings_for(
         "distance": np.array([0.0, 0.3])[: 1 + (cut < FRAMES)],
         "repeated": np.zeros(FRAMES, bool),
         "shown": np.where(np.isin(np.arange(FRAMES), dissolved), 0.7, 1.0),
-        "window": np.tile([0.0, 0.0, 512.0], (FRAMES, 1)),
+        "window": np.tile([0.0, 0.0, 512.0, 0.0], (FRAMES, 1)),
     }
     found = {"valid": ~np.isin(np.arange(FRAMES), lost), "apart": gaps, "points": points}
     found["covered"] = np.isin(np.arange(FRAMES), hidden)

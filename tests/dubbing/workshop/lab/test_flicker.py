@@ -39,7 +39,7 @@ def clip(tmp_path: Path) -> PreparedClip:
         rotation=np.tile(np.eye(3), (FRAMES, 1, 1)),
         translation=np.tile([0.0, 0.0, 7.0], (FRAMES, 1)),
         centre=np.full((FRAMES, 2), SIZE / 2),
-        crop=np.tile([0.0, 0.0, SIZE], (FRAMES, 1)),
+        crop=np.tile([0.0, 0.0, SIZE, 0.0], (FRAMES, 1)),
         valid=np.ones(FRAMES, bool),
         detected=np.ones(FRAMES, bool),
         covered=np.zeros(FRAMES, bool),
