@@ -35,6 +35,9 @@ DARK = 4.0  # grey levels added before the ratio is taken: black has none
 PRIOR_WEIGHT = 0.02  # of the whole face's ratio beside that of the neighbourhood
 MIN_SHARE = 0.002  # of the crop's pixels that must show the same skin; with fewer, no relighting
 OUTLIER = 0.35  # of a logarithm from the median: a place that far off counts half
+# Grey levels of the film: a brighter place may be as bright as one likes, as in a flash. Percent of
+# the places that must be darker; with fewer, the light is the least by which so many are white.
+WHITE, DARKER, WHITER = 250.0, 5.0, 95.0
 
 
 def follow_light(
@@ -90,7 +93,9 @@ def follow_light(
     opened = _small(dilate(region, OPENED * unit).astype(np.uint8), step) > 0
     share = share * ~(opened & dark)[..., None]
     ratio = np.log(np.maximum(filmed - haze, 0) + DARK) - np.log(rendered + DARK)
-    middle = np.median(ratio[share[..., 0] > 0.5], 0) if (share > 0.5).any() else ratio.mean((0, 1))
+    clipped = filmed > WHITE
+    middle = _usual(ratio, clipped, share[..., 0] > 0.5)
+    ratio = np.where(clipped, np.maximum(ratio, middle), ratio)
     weight = share / (1 + (np.abs(ratio - middle) / OUTLIER) ** 2)
     sigma = SMOOTH * unit / step
     near, apart = (
@@ -116,6 +121,17 @@ def follow_light(
     lit = (colour + DARK * opacity) * gain + (haze - DARK).astype(np.float32) * opacity
     out[part][..., :3] = np.clip(lit.round(), 0, most)
     return out
+
+
+def _usual(ratio: np.ndarray, clipped: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """Median (3,) of ratios (H, W, 3) of the places (H, W) bool that are seen, and not clipped."""
+    if not seen.any():
+        return np.asarray(ratio.mean((0, 1)))
+    dark = np.where(clipped[seen], np.nan, ratio[seen])
+    told = np.isfinite(dark).mean(0) * 100 > DARKER
+    return np.where(
+        told, np.nanmedian(np.where(told, dark, 0), 0), np.percentile(ratio[seen], WHITER, 0)
+    )
 
 
 def _small(image: np.ndarray, step: int) -> np.ndarray:

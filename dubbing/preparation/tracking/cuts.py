@@ -5,6 +5,8 @@ the differences around it, and whose structure is different: a lamp that is swit
 every pixel, but no edge.
 """
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 
@@ -20,6 +22,8 @@ REPEATED = 0.02  # grey levels: below this a frame repeats the one before
 SAME_STRUCTURE = 0.65
 FINE = 2.0  # px of a thumbnail, Gaussian: coarser structure is light
 GRAIN = 2.0  # grey levels: structure weaker than this is noise
+FLASH = 8  # frames that a flash lasts at the most
+BRIGHTER = 0.97  # share of its pixels that are brighter than before it
 
 
 def thumbnail(image: np.ndarray) -> np.ndarray:
@@ -40,6 +44,24 @@ def same_structure(one: np.ndarray, other: np.ndarray) -> bool:
     a, b = structure(one), structure(other)
     norm = float(np.sqrt((a * a).sum() * (b * b).sum()))
     return norm > 0 and float((a * b).sum()) > SAME_STRUCTURE * norm
+
+
+def flashed(recent: Sequence[np.ndarray], small: np.ndarray) -> int:
+    """How many frames before this one a flash has whitened, which shows the scene again; else 0.
+
+    Args:
+        recent: thumbnails (H, W) of the frames before. small: of this one.
+    """
+    means = [frame.mean() for frame in recent]
+    for count in range(1, len(recent)):
+        before, *white = recent[len(recent) - count - 1 :]
+        least = means[len(recent) - count - 1] + LEAST_DIFFERENCE
+        bright = max(means[-count:]) > least and all(
+            (frame > before - GRAIN).mean() > BRIGHTER for frame in white
+        )
+        if bright and same_structure(before, small):
+            return count
+    return 0
 
 
 def find_cuts(difference: np.ndarray, lit: np.ndarray | None = None) -> np.ndarray:

@@ -3,6 +3,7 @@
 Every fifth frame is searched for faces; boxes are (x0, y0, x1, y1) in px of the source.
 """
 
+from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -14,9 +15,11 @@ from dubbing.errors import PreparationError
 from dubbing.face.finding.landmarks import MOST_FACES, FaceMesh
 from dubbing.media import MediaInfo, read_frames
 from dubbing.preparation.tracking.cuts import (
+    FLASH,
     LEAST_DIFFERENCE,
     REPEATED,
     find_cuts,
+    flashed,
     same_structure,
     segments,
     thumbnail,
@@ -73,14 +76,16 @@ def survey(
     details: list[float] = []
     sightings: list[list[Sighting]] = []
     waiting: list[tuple[int, np.ndarray]] = []
-    before: np.ndarray | None = None
+    recent: deque[np.ndarray] = deque(maxlen=FLASH + 1)
     mesh = FaceMesh(tracking=False, faces=MOST_FACES)
     for frame, image in enumerate(read_frames(info.path, start=first, count=info.frames)):
         small = thumbnail(image)
-        if before is not None:
-            difference[frame] = np.abs(small - before).mean()
-            lit[frame] = difference[frame] > LEAST_DIFFERENCE and same_structure(before, small)
-        before = small
+        if recent:
+            difference[frame] = np.abs(small - recent[-1]).mean()
+            lit[frame] = difference[frame] > LEAST_DIFFERENCE and same_structure(recent[-1], small)
+            white = flashed([*recent], small)
+            lit[frame - white : frame + 1] |= white > 0
+        recent.append(small)
         miniatures.append(miniature(small))
         details.append(detail(small))
         if frame % STRIDE == 0:

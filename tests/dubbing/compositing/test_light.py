@@ -56,8 +56,10 @@ INNER = cv2.erode(OPAQUE, np.ones((21, 21))) > 0
         np.array(0.02),
         np.array([1.1, 0.9, 0.6]),
         np.linspace(0.5, 1.1, S)[:, None] * np.ones(3),
+        np.array(1.6),
+        np.array([3.0, 2.6, 2.2]),
     ],
-    ids=["the same", "a fade", "nearly black", "a colour", "a lamp from the side"],
+    ids=["the same", "a fade", "nearly black", "a colour", "a side lamp", "bright", "a flash"],
 )
 def test_a_head_has_the_light_of_the_film(lamp: np.ndarray) -> None:
     """Its mouth is another than the film's, and is lit like the skin round it."""

@@ -6,7 +6,13 @@ import cv2
 import numpy as np
 import pytest
 
-from dubbing.preparation.tracking.cuts import find_cuts, same_structure, segments, thumbnail
+from dubbing.preparation.tracking.cuts import (
+    find_cuts,
+    flashed,
+    same_structure,
+    segments,
+    thumbnail,
+)
 
 
 def quiet(frames: int) -> np.ndarray:
@@ -73,6 +79,24 @@ def test_a_sudden_change_of_light_is_no_cut(gain: object, offset: float) -> None
     difference = quiet(50)
     difference[25] = 40
     assert find_cuts(difference, np.arange(50) == 25).tolist() == []
+
+
+def lit_room(seat: int, gain: float) -> np.ndarray:
+    return thumbnail(np.clip(room(seat=seat) * gain, 0, 255).astype(np.uint8))
+
+
+def test_a_flash_is_no_cut_though_it_leaves_no_structure() -> None:
+    film = [lit_room(k // 3, gain) for k, gain in enumerate((1, 1, 1, 6, 3, 1.2, 1))]
+    assert not same_structure(film[2], film[3])
+    assert [flashed(film[:k], film[k]) for k in range(1, 7)] == [0, 0, 0, 0, 2, 3]
+
+
+def test_a_shot_that_is_cut_in_is_no_flash() -> None:
+    other = thumbnail(np.clip(room(1), 0, 255).astype(np.uint8))
+    assert not flashed([lit_room(0, 1), other], lit_room(0, 1))
+    white = np.full_like(other, 250.0)
+    assert not flashed([lit_room(0, 1), white], other)
+    assert flashed([lit_room(0, 1), white], lit_room(0, 1)) == 1
 
 
 @pytest.mark.parametrize("after", [room(1), room(0, 40)[:, ::-1], room(2) * 0.5])
