@@ -79,11 +79,12 @@ def frames_of(name: str, info: MediaInfo) -> Iterator[list[Seen]]:
     spread = np.linspace(0, info.frames - 1, LOOKED_AT + 2).round().astype(int)[1:-1]
     for frame in np.unique(spread).tolist():
         for image in read_frames(info.path, start=frame, count=1):
-            found = sightings_of(mesh(image), image, frame)
+            found = sightings_of(mesh.find([image], any_way=True)[0], image, frame)
             if not found:  # the finder misses small faces
                 for tile, corner in tiles(image):
                     larger = cv2.resize(tile, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
-                    found += sightings_of(mesh(larger), larger, frame, corner, 2)
+                    some = mesh.find([larger], any_way=True)[0]
+                    found += sightings_of(some, larger, frame, corner, 2)
             height, width = image.shape[:2]
             yield [
                 Seen(name, frame / float(info.rate), x / width, y / height, one, cut)

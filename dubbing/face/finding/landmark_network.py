@@ -22,7 +22,7 @@ BATCH = 4  # regions at once: more do not fit a core's cache
 MESH = 468  # points without irises
 IRIS = 5  # points
 RIM = 16  # points of an eye that lie on its lids; their depth is the iris's
-CONFIDENCE = 0.5
+LEAST = 0.0  # logarithm of the odds that a region shows a face
 
 
 class LandmarkNetwork:
@@ -39,16 +39,19 @@ class LandmarkNetwork:
         Args:
             looks: R images (H, W, 3) uint8 RGB, each with a region.
         """
-        found: list[np.ndarray | None] = []
+        return [points if sure > LEAST else None for points, sure in self.doubted(looks)]
+
+    def doubted(self, looks: Sequence[tuple[np.ndarray, Region]]) -> list[tuple[np.ndarray, float]]:
+        """The same with the logarithm of the odds that it is a face, whatever they are."""
+        found: list[tuple[np.ndarray, float]] = []
         for start in range(0, len(looks), BATCH):
             part = looks[start : start + BATCH]
             inputs = np.stack([r.cut(image, SIZE, cv2.BORDER_REPLICATE) for image, r in part])
             *values, logits = self._network(inputs)
             meshes = self._points([v.reshape(len(v), -1).astype(float) / SIZE for v in values])
-            sure = 1 / (1 + np.exp(-logits.reshape(-1))) > CONFIDENCE
             found += [
-                region.place(points) if there else None
-                for (_, region), points, there in zip(part, meshes, sure, strict=True)
+                (region.place(points), float(logit))
+                for (_, region), points, logit in zip(part, meshes, logits.flat, strict=True)
             ]
         return found
 

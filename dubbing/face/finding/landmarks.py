@@ -38,9 +38,14 @@ class FaceMesh:
             return [face - HALF for face in self._finder.follow(image)]
         return self.find([image])[0]
 
-    def find(self, images: Images) -> list[list[np.ndarray]]:
-        """Faces of each of some frames in static mode; faster than one by one."""
-        return [[face - HALF for face in faces] for faces in self._finder.find(images)]
+    def find(self, images: Images, *, any_way: bool = False) -> list[list[np.ndarray]]:
+        """Faces of each of some frames in static mode; faster than one by one.
+
+        Args:
+            any_way: heads may hang upside down.
+        """
+        found = self._finder.find(images, any_way=any_way)
+        return [[face - HALF for face in faces] for faces in found]
 
 
 def nearest(faces: Sequence[np.ndarray], expected: np.ndarray) -> np.ndarray | None:

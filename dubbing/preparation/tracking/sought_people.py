@@ -44,7 +44,10 @@ def person_of(portrait: Portrait, info: MediaInfo, first: int = 0) -> Person:
 
     def faces(first: int, last: int) -> dict[int, list[Sighting]]:
         images = enumerate(read_frames(portrait.clip, start=first, count=last - first + 1), first)
-        return {t: sightings_of(mesh(i), i, t) for t, i in images if (t - first) % STRIDE == 0}
+        searched = [(t, image) for t, image in images if (t - first) % STRIDE == 0]
+        found = mesh.find([image for _, image in searched], any_way=True)
+        pairs = zip(searched, found, strict=True)
+        return {t: sightings_of(points, image, t) for (t, image), points in pairs}
 
     if rows:
         beside = ROUND_PLACE * STRIDE

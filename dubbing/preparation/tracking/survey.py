@@ -91,7 +91,7 @@ def survey(
         if frame % STRIDE == 0:
             waiting.append((frame, image))
         if len(waiting) == TOGETHER or frame == info.frames - 1:
-            faces = mesh.find([image for _, image in waiting])
+            faces = mesh.find([image for _, image in waiting], any_way=True)
             for (t, searched), points in zip(waiting, faces, strict=True):
                 sightings.append(sightings_of(points, searched, t))
             waiting = []
@@ -147,7 +147,9 @@ def search_tiles(info: MediaInfo, first: int, progress: ReportShare) -> list[lis
             faces: list[Sighting] = []
             for tile, corner in tiles(image):
                 larger = cv2.resize(tile, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
-                faces += sightings_of(mesh(larger), larger, frame, corner, 2)
+                faces += sightings_of(
+                    mesh.find([larger], any_way=True)[0], larger, frame, corner, 2
+                )
             out.append(without_doubles(faces))
         progress((frame + 1) / info.frames)
     return out

@@ -117,19 +117,20 @@ def test_a_part_is_prepared_as_a_clip_of_its_own_is(
         assert np.array_equal(frame.background, other.background)
 
 
-def test_a_head_that_lies_on_its_side_is_prepared_as_one_that_sits(
-    speaker: tuple[Path, SpeakerTruth], prepared: PreparedClip, tmp_path: Path
+@pytest.mark.parametrize("turns", [1, 2, 3])
+def test_a_head_that_lies_or_hangs_is_prepared_as_one_that_sits(
+    speaker: tuple[Path, SpeakerTruth], prepared: PreparedClip, tmp_path: Path, turns: int
 ) -> None:
     with VideoWriter(tmp_path / "lying.mkv", SIZE, SIZE, Fraction(25), "ffv1") as video:
         for image in read_frames(speaker[0]):
-            video.write(np.ascontiguousarray(np.rot90(image, -1)))
+            video.write(np.ascontiguousarray(np.rot90(image, -turns)))
     lying = prepare(tmp_path / "lying.mkv", tmp_path / "out", size=SIZE)
-    assert (lying.crop == [0, 0, SIZE, 1]).all()
+    assert (lying.crop == [0, 0, SIZE, turns]).all()
     for name in ("valid", "landmarks", "rotation", "translation", "centre"):
         assert np.array_equal(getattr(lying, name), getattr(prepared, name)), name
     for frame, upright in zip(lying.film_frames(), prepared.film_frames(), strict=True):
         assert np.array_equal(frame.matte, upright.matte)
-        assert np.array_equal(frame.whole, np.rot90(upright.whole, -1))
+        assert np.array_equal(frame.whole, np.rot90(upright.whole, -turns))
 
 
 def test_a_clip_without_a_face_gives_a_remedy(tmp_path: Path) -> None:

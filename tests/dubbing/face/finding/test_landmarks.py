@@ -48,6 +48,18 @@ def test_a_mirrored_view_of_a_frame_is_as_good_as_a_copy(people: dict[str, np.nd
     np.testing.assert_array_equal(mesh(view), mesh(view.copy()))
 
 
+@pytest.mark.parametrize("degrees", range(0, 360, 30))
+def test_a_head_is_found_any_way_up(people: dict[str, np.ndarray], degrees: int) -> None:
+    frame, mesh = people["alba"][0], FaceMesh(tracking=False)
+    middle = (len(frame) - 1) / 2
+    turn = cv2.getRotationMatrix2D((middle, middle), degrees, 1)
+    size = frame.shape[1::-1]
+    turned = cv2.warpAffine(frame, turn, size, borderMode=cv2.BORDER_REPLICATE)
+    (upright,) = mesh(frame)
+    ((found,),) = mesh.find([turned], any_way=True)
+    np.testing.assert_allclose(found[:, :2], upright[:, :2] @ turn[:, :2].T + turn[:, 2], atol=2.5)
+
+
 def test_a_frame_without_a_face_has_none(people: dict[str, np.ndarray]) -> None:
     frame, empty = people["alba"][0], np.full((90, 160, 3), 99, np.uint8)
     assert [len(faces) for faces in FaceMesh(tracking=False).find([empty, frame])] == [0, 1]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -32,7 +33,8 @@ def part(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> media.MediaInfo:
         own[-1] += 2.5 * (frame == GRIMACE)
         return [Sighting(frame, np.array([8.0, 8, 24, 32]), own)]
 
-    monkeypatch.setattr(sought_people, "FaceMesh", lambda **_: lambda image: [])
+    mesh = Mock(find=lambda images, **_: [[] for _ in images])
+    monkeypatch.setattr(sought_people, "FaceMesh", lambda **_: mesh)
     monkeypatch.setattr(sought_people, "sightings_of", sightings)
     return replace(media.probe(clips.write_video(tmp_path / "a.mp4", FRAMES)), frames=COUNT)
 
