@@ -28,6 +28,7 @@ MEANINGS = {
     "SIGXCPU": "it used more processor time than is allowed here",
     "SIGSEGV": "a fault of its own, or a damaged file",
 }
+CHANGES = "Changing audio frame properties on the fly"  # how ffmpeg reports that
 QUIET = ("-hide_banner", "-loglevel", "error", "-nostdin")
 
 
@@ -122,14 +123,16 @@ class Process:
             with contextlib.suppress(BrokenPipeError):
                 self._process.stdin.close()
         if code := self._process.wait():
+            if CHANGES in self.words(100):
+                raise changing_sound(self.where)
             killed = f"was ended by the system: {signal_of(code)}" if code < 0 else "failed"
             raise MediaError(f"ffmpeg {killed}", self.where, self.words())
 
-    def words(self) -> str:
+    def words(self, lines: int = 3) -> str:
         """The last lines that ffmpeg wrote."""
         self._messages.seek(0)
-        lines = self._messages.read().decode(errors="replace").strip().splitlines()
-        return " | ".join(lines[-3:])
+        written = self._messages.read().decode(errors="replace").strip().splitlines()
+        return " | ".join(written[-lines:])
 
     def kill(self) -> None:
         """Kill it, if it still runs, and close its pipes."""
@@ -145,6 +148,12 @@ class Process:
 
     def __exit__(self, *_: object) -> None:
         self.kill()
+
+
+def changing_sound(where: str) -> MediaError:
+    """The error of sound that cannot be read as one."""
+    what = "its sound changes its channels or its rate on the way"
+    return MediaError(what, where, "convert it, to sound of one kind")
 
 
 def signal_of(code: int) -> str:

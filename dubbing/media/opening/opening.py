@@ -74,8 +74,12 @@ def opened(path: Path | str, *, short_packets: bool = False) -> av.container.Inp
 
 
 def source(path: Path | str, **options: Any) -> Stream:
-    """``path`` as an input of an ffmpeg-python graph."""
-    return ffmpeg.input(address(path), **_only(CONTAINERS), **options)
+    """``path`` as an input of an ffmpeg-python graph.
+
+    Filters are not begun anew where size, colours or channels change, as in a call over a network:
+    they would lose frames, and pad sound with silence once more.
+    """
+    return ffmpeg.input(address(path), **_only(CONTAINERS), reinit_filter=0, **options)
 
 
 def picture_of(path: Path | str, zero: float, begin: float, **options: Any) -> Stream:

@@ -69,7 +69,9 @@ def looks_interlaced(path: Path) -> bool:
             for place in range(PLACES):
                 container.seek(begin + length * place // PLACES)
                 frames = list(islice(_grey(container, video), FRAMES))
-                orders.update(order_of(*frames[k : k + 3]) for k in range(len(frames) - 2))
+                threes = [frames[k : k + 3] for k in range(len(frames) - 2)]
+                alike = [three for three in threes if len({f.shape for f in three}) == 1]
+                orders.update(order_of(*three) for three in alike)
     except (av.FFmpegError, IndexError) as error:
         raise MediaError("cannot be decoded", str(path), str(error)) from error
     moving = orders.total() - orders[UNKNOWN]

@@ -227,11 +227,14 @@ def _frame_graph(
         picture = picture.filter("trim", start_frame=lead).filter("setpts", "PTS-STARTPTS")
     # The last picture is displayed to the end of the video.
     picture = picture.filter("tpad", stop_mode="clone", stop=2)
+    size = {"w": info.width, "h": info.height, "flags": SCALER}
     if pixels in ("rgb24", DEEP):
-        size = {"w": info.width, "h": info.height}
-        picture = picture.filter("scale", **size, flags=SCALER, in_color_matrix=info.colour.matrix)
-    elif pixels == info.pixels.name and not (info.picture is None or info.picture.square):
-        picture = picture.filter("scale", w=info.width, h=info.height, flags=SCALER)
+        picture = picture.filter("scale", **size, in_color_matrix=info.colour.matrix)
+    elif pixels == info.pixels.name and not info.pixels.rgb and info.pixels.count > 1:
+        levels = "pc" if info.colour.full_range else "tv"
+        picture = picture.filter("scale", **size, out_range=levels)
+    else:
+        picture = picture.filter("scale", **size)
     return into(None, picture, format="rawvideo", pix_fmt=pixels, vframes=count)
 
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from dubbing.engine.disk.unchanged import while_unchanged
 from dubbing.errors import MediaError
+from dubbing.media.opening.ffmpeg import changing_sound
 from dubbing.media.opening.opening import opened
 from dubbing.media.properties.info import MediaInfo
 
@@ -174,7 +175,10 @@ def _decoded(
         with suppress(av.FFmpegError):  # a damaged packet, which ffmpeg skips as well
             for frame in packet.decode():
                 if isinstance(frame, av.AudioFrame):
-                    held[places[packet.stream.index]].append(_samples(frame, begin))
+                    own, samples = held[places[packet.stream.index]], _samples(frame, begin)
+                    if own and own[0].shape[1] != samples.shape[1]:
+                        raise changing_sound(str(info.path))
+                    own.append(samples)
         while left > 0 and (ready := min(sum(map(len, own)) for own in held)) >= length:
             yield _taken(held, min(length, left, ready))
             left -= length
