@@ -6,6 +6,7 @@ Every packet is read (not decoded), so counts are those of the file, not of its 
 import os
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from math import inf
 from pathlib import Path
 
 import av
@@ -18,7 +19,7 @@ from dubbing.media.opening.opening import opened
 from dubbing.media.opening.tracks import Track, heard_tracks, pictures
 from dubbing.media.probing.picture import AVI, picture_of
 from dubbing.media.probing.timecode_track import timecode_of
-from dubbing.media.probing.whole import check_frames, check_whole
+from dubbing.media.probing.whole import check_frames, check_order, check_whole
 from dubbing.media.properties.film_values import FilmValues
 from dubbing.media.properties.frame_rate import choose_rate
 from dubbing.media.properties.info import MediaInfo, Picture
@@ -33,7 +34,8 @@ def probe(path: Path | str) -> MediaInfo:
 
     Raises:
         MediaError: missing, unreadable, a playlist, without picture and sound, a picture of an
-            unusual shape, frames without time stamps, or sound with NaN.
+            unusual shape, frames without time stamps or with times that begin anew, or sound with
+            NaN.
     """
     path = Path(path)
     if numbered(path):
@@ -151,6 +153,7 @@ def _visit(
     floats = {track.index: FLOATS.get(_codec(path, track)) for track in heard}
     wanted = {stream.index for stream in (video, *heard) if stream is not None}
     decoding = container.format.name == AVI
+    decoded: dict[int, float] = {}
     for packet in container.demux():
         unit = packet.time_base or 0  # none, of a packet without time stamps
         stamp = packet.dts if decoding and packet.stream.type == "video" else packet.pts
@@ -159,6 +162,10 @@ def _visit(
         packets.last = max(packets.last, end)  # of any stream
         if packet.stream.index not in wanted:
             continue
+        if packet.dts is not None:
+            before = decoded.get(packet.stream.index, -inf)
+            decoded[packet.stream.index] = float(packet.dts * unit)
+            check_order(path, before, decoded[packet.stream.index])
         kind = packet.stream.type
         if kind == "video" and packet.size > 0:
             packets.pictures += 1

@@ -1,4 +1,4 @@
-"""Finds files that break off, as half of a copy does, and frames without times of their own."""
+"""Finds files that break off, as half of a copy does, or begin anew, and frames without times."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,6 +9,7 @@ from dubbing.errors import MediaError
 
 COMPLETE = 0.98  # share of the header's number of frames (most containers have none), and seconds
 MISSING = 0.5  # seconds that may be missing beside them
+BACK = 0.5  # seconds by which times of decoding may fall: they only rise, but for faulty writers
 # Containers whose header says how long they are. Of others, ffmpeg guesses.
 TIMED = ("matroska,webm", "wav", "aiff", "flac")
 STREAMED = 0x7FF00000  # bytes; what is written to a pipe says that it is at least as long
@@ -66,6 +67,17 @@ def check_frames(path: Path, pictures: int, untimed: int, times: Sequence[float]
     if len(times) > 1 and min(times) == max(times):
         same = "all its frames have the same time stamp"
         raise MediaError(same, str(path), "convert the file again")
+
+
+def check_order(path: Path, before: float, time: float) -> None:
+    """Compare two times of decoding that follow one another in a track, in seconds.
+
+    Raises:
+        MediaError: they begin anew, as where files were joined byte by byte.
+    """
+    if time < before - BACK:
+        what = f"its time stamps begin anew after {before:.1f} s, as of several files in one"
+        raise MediaError(what, str(path), "convert the file again, or give its parts")
 
 
 def _counted(container: av.container.InputContainer, pictures: int, times: Sequence[float]) -> int:

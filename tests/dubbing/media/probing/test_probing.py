@@ -142,6 +142,19 @@ def test_a_broadcast_that_begins_between_key_frames_is_reported(tmp_path: Path) 
         media.probe(path)
 
 
+@pytest.mark.parametrize("name", ["film.ts", "film.mpg", "voice.ogg"])
+def test_files_joined_byte_by_byte_are_reported(tmp_path: Path, name: str) -> None:
+    """As parts of a disc: both were read in one time, as a film of half the length."""
+    path, clip = tmp_path / name, clips.write_clip(tmp_path / "clip.mp4", 50)
+    clips.ffmpeg("-i", clip, *(("-vn",) if name == "voice.ogg" else ()), path)
+    assert media.probe(path).duration == pytest.approx(2, abs=0.1)
+    path.write_bytes(2 * path.read_bytes())
+    with pytest.raises(
+        MediaError, match=r"its time stamps begin anew after \d\.\d s, as of several files"
+    ):
+        media.probe(path)
+
+
 @pytest.mark.parametrize("offset", ["-3", "-0.5"])
 def test_frames_without_time_stamps_are_reported(tmp_path: Path, offset: str) -> None:
     """Matroska knows no negative times: a part of the frames would be dropped."""
