@@ -75,6 +75,8 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
     picture: Picture | None = None
     video_start = packets.starts.get("video", zero) - zero
     told = 0 if video is None else video.frames
+    if video is not None and "mov" in container.format.name:
+        told = min(told, len(video.index_entries))  # those that no edit list leaves out
     check_whole(path, container, told, packets.pictures, packets.times, packets.last - zero)
     if video is not None:
         check_frames(path, packets.pictures, packets.untimed, packets.times)

@@ -121,6 +121,23 @@ def test_half_of_a_file_whose_header_has_its_length_is_reported(tmp_path: Path, 
         media.probe(whole)
 
 
+@pytest.mark.parametrize("faststart", [(), ("-movflags", "+faststart")])
+def test_frames_that_an_edit_list_leaves_out_do_not_lack(
+    tmp_path: Path, faststart: tuple[str, ...]
+) -> None:
+    """As of a film that was trimmed, or moved against its sound, without encoding it anew."""
+    plain, path = clips.write_video(tmp_path / "plain.mkv", 80, codec="ffv1"), tmp_path / "a.mp4"
+    encoded = tmp_path / "encoded.mp4"
+    clips.ffmpeg("-i", plain, "-c:v", "libx264", "-g", "10", "-pix_fmt", "yuv420p", encoded)
+    clips.ffmpeg("-itsoffset", "-0.8", "-i", encoded, "-c", "copy", *faststart, path)
+    assert media.probe(path).frames == 60
+    assert [clips.number(frame) for frame in media.read_frames(path)] == list(range(20, 80))
+    if faststart:
+        path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+        with pytest.raises(MediaError, match=r"breaks off: \d+ of \d\d frames"):
+            media.probe(path)
+
+
 @pytest.mark.parametrize("size", [0, 0x7FFFFFFF, 0xFFFFFFFF])
 def test_a_streamed_wave_file_is_whole(tmp_path: Path, size: int) -> None:
     """Its length was not known when its header was written."""
