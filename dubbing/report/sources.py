@@ -11,6 +11,7 @@ from dubbing.engine.disk.files import make_folder, seen_from
 from dubbing.engine.disk.numbered import is_there
 from dubbing.errors import ExplainedError
 from dubbing.media.opening.opening import opened
+from dubbing.media.opening.tracks import pictures
 from dubbing.production.production import Production
 
 PROXIES = "sources"  # folder of copies, in that of the stages
@@ -23,21 +24,26 @@ PLAYED = {
     "vp9": (*EIGHT_BITS, "yuv420p10le"),
     "av1": (*EIGHT_BITS, "yuv420p10le"),
 }
+HEARD = ("aac", "mp3", "mp3float", "opus", "vorbis", "flac")
 
 
 def is_played(film: Path) -> bool:
     """Whether browsers show a film's picture; of ProRes they play the sound before a black one.
 
-    Of a film that is shown in another colour space than its own they are not asked to.
+    And whether they play its sound: none of PCM, as cameras write it, and of several tracks one. Of
+    a film that is shown in another colour space than its own they are not asked to.
     """
     if film.suffix.lower() not in CONTAINERS:
         return False
     try:
-        if media.probe(film).values.film:
+        info = media.probe(film)
+        if info.values.film:
             return False
         with opened(film) as container:
-            picture = container.streams.video[0].codec_context
-            return picture.pix_fmt in PLAYED.get(picture.name, ())
+            picture = pictures(container)[0].codec_context
+            tracks = [container.streams.audio[k].codec_context for k in info.audio_tracks]
+            heard = len(tracks) < 2 and all(track.name in HEARD for track in tracks)
+            return heard and picture.pix_fmt in PLAYED.get(picture.name, ())
     except (av.FFmpegError, ExplainedError, LookupError):
         return False
 

@@ -18,6 +18,7 @@ from dubbing.media.opening.opening import (
     in_time,
     into,
     joined,
+    picture_of,
     sound_of,
     source,
 )
@@ -31,6 +32,8 @@ AUDIO_CODECS = {
     "pcm": {"acodec": "pcm_s24le"},
     "flac": {"acodec": "flac"},
 }
+# Nothing of an input but its picture or sound, and nothing of this machine.
+OWN = {"map_metadata": -1, "map_chapters": -1, "fflags": "+bitexact"}
 PROXY_WIDTH = 1280  # px at most
 MOST_CHANNELS = {"aac": 8, "pcm": 64, "flac": 8}
 SOUND = {  # audio codec for each video codec
@@ -102,8 +105,7 @@ def mux(
             sound,
             vcodec="copy",
             r=f"{rate}",  # ffmpeg would guess 120 for 120000/1001
-            map_metadata=-1,
-            fflags="+bitexact",
+            **OWN,
             **AUDIO_CODECS[audio_codec],
             **options,
             **tags,
@@ -124,7 +126,7 @@ def cut(video: Path, out: Path, first: int, count: int) -> None:
     picture = source(video, ss=f"{float(begin):.6f}").video
     with atomic_path(out) as temporary:
         options = {"vcodec": "copy", "frames:v": count, "avoid_negative_ts": "make_zero"}
-        run(into(temporary, picture, fflags="+bitexact", map_metadata=-1, **options), str(out))
+        run(into(temporary, picture, **OWN, **options), str(out))
 
 
 def proxy(video: Path, out: Path, metadata: Mapping[str, str]) -> None:
@@ -133,11 +135,14 @@ def proxy(video: Path, out: Path, metadata: Mapping[str, str]) -> None:
     Raises:
         MediaError: ffmpeg failed.
     """
-    film, info = source(video), probe(video)
+    info = probe(video)
     colour = info.colour
     encoder = {"vcodec": "libx264", "pix_fmt": "yuv420p", "crf": 23, "preset": "veryfast"}
-    audio = [_in_stereo(film.audio, info.audio_channels)] if info.audio_channels else []
-    sound = {"acodec": "aac", "ac": 2, "audio_bitrate": "128k"} if audio else {}
+    audio, channels = [], info.audio_channels
+    if channels:
+        audio = [_in_stereo(sound_of(video, info.zero, 0.0, info.audio_tracks), channels)]
+    # One channel stays one: in two, each would be 3 dB softer.
+    sound = {"acodec": "aac", "ac": min(channels, 2), "audio_bitrate": "128k"} if channels else {}
     with tempfile.TemporaryDirectory() as folder, atomic_path(out) as temporary:
         if numbered(video) or info.values.film:
             shown = Path(folder, "shown.mp4")
@@ -146,7 +151,7 @@ def proxy(video: Path, out: Path, metadata: Mapping[str, str]) -> None:
         else:
             width = f"min({PROXY_WIDTH},trunc(iw/2)*2)"
             picture = (
-                in_time(film.video, info.late)
+                in_time(picture_of(video, info.zero, 0.0), info.late)
                 .filter("scale", w=width, h=-2, out_color_matrix=colour.matrix, out_range="tv")
                 .filter("setparams", **{**colour.tags(), "range": "tv"})
             )
@@ -155,8 +160,7 @@ def proxy(video: Path, out: Path, metadata: Mapping[str, str]) -> None:
             picture,
             *audio,
             **sound,
-            map_metadata=-1,
-            fflags="+bitexact",
+            **OWN,
             movflags="+faststart",
             threads=THREADS,
             **encoder,

@@ -59,18 +59,23 @@ def test_what_is_shown_of_a_film(tmp_path: Path) -> None:
     clips.ffmpeg("-i", plain, "-an", "-pix_fmt", "yuv420p10le", "-c:v", "libx264", deep)
     matroska = tmp_path / "a.mkv"
     clips.ffmpeg("-i", plain, "-c", "copy", matroska)
+    camera, silent = tmp_path / "camera.mov", tmp_path / "silent.mov"
+    clips.ffmpeg("-i", plain, "-c:v", "copy", "-c:a", "pcm_s16le", camera)
+    clips.ffmpeg("-i", plain, "-c", "copy", "-an", silent)
     (tmp_path / "junk.mp4").write_bytes(b"junk")
-    played = [is_played(f) for f in (plain, prores, deep, matroska, tmp_path / "junk.mp4")]
-    assert played == [True, False, False, False, False]
+    assert is_played(plain)
+    assert is_played(silent)
+    films = prores, deep, matroska, camera
+    assert not any(is_played(film) for film in (*films, tmp_path / "junk.mp4"))
     work = tmp_path / "work"
-    copies = [proxy_of(film, work) for film in (prores, deep, matroska)]
+    copies = [proxy_of(film, work) for film in films]
     for copy in copies:
         assert copy is not None
         assert is_played(copy)
         seen = media.read_frames(copy)
         assert [clips.number(frame) for frame in seen] == list(range(5))
     assert proxy_of(prores, work) == copies[0]
-    assert len(list((work / "sources").iterdir())) == 3
+    assert len(list((work / "sources").iterdir())) == 4
     assert proxy_of(tmp_path / "junk.mp4", work) is None
 
 

@@ -125,6 +125,32 @@ def test_a_proxy_of_many_channels(tmp_path: Path, channels: int) -> None:
     assert np.abs(media.read_audio(tmp_path / "p.mp4")).max() > 0.1
 
 
+@pytest.mark.parametrize("tracks", [1, 2])
+def test_a_proxy_has_the_sound_that_is_read_as_loud(tmp_path: Path, tracks: int) -> None:
+    """Of two mono tracks a browser would play the first, which may be an unused microphone."""
+    video = clips.write_video(tmp_path / "v.mov", 25, codec="prores")
+    voice, film = clips.write_sound(tmp_path / "a.wav", 1, 48000), tmp_path / "film.mov"
+    silence = ("-f", "lavfi", "-i", "anullsrc=r=48000:cl=mono:d=1") if tracks == 2 else ()
+    maps = [text for k in range(tracks + 1) for text in ("-map", str(k))]
+    clips.ffmpeg("-i", video, *silence, "-i", voice, *maps, "-c:v", "copy", film)
+    media.proxy(film, tmp_path / "p.mp4", {})
+    with av.open(str(tmp_path / "p.mp4")) as container:
+        assert len(container.streams.audio) == 1
+    heard = np.stack([media.read_audio(path)[2000:14000] for path in (voice, tmp_path / "p.mp4")])
+    assert np.ptp(heard.std(1)) < 0.01 * heard.std() + 0.0005
+
+
+def test_chapters_of_a_recording_are_none_of_the_dub(tmp_path: Path) -> None:
+    video, out = clips.write_video(tmp_path / "v.mp4", 25), tmp_path / "o.mp4"
+    sound, listing = clips.write_sound(tmp_path / "a.wav", 2), tmp_path / "chapters.txt"
+    listing.write_text(";FFMETADATA1\n[CHAPTER]\nTIMEBASE=1/10\nSTART=0\nEND=12\ntitle=one\n")
+    told = tmp_path / "told.m4a"
+    clips.ffmpeg("-i", sound, "-i", listing, "-map_metadata", "1", told)
+    media.mux(video, told, out, audio_start=1, seconds=1)
+    with av.open(str(told)) as recording, av.open(str(out)) as dub:
+        assert (len(recording.chapters()), len(dub.chapters())) == (1, 0)
+
+
 def test_sound_before_its_beginning_is_reported(tmp_path: Path) -> None:
     video = clips.write_video(tmp_path / "v.mp4", 5)
     sound = clips.write_sound(tmp_path / "a.wav", 1)
