@@ -9,6 +9,7 @@ from pathlib import Path
 
 from dubbing.engine.disk.files import atomic_write_text, make_folder, same_on_disk
 from dubbing.errors import ExplainedError, ManifestError, MediaError, Problem
+from dubbing.manifest.keys.values import as_name
 from dubbing.manifest.keys.yaml_lines import quoted
 from dubbing.manifest.schema import shipped_uri
 from dubbing.media import MediaInfo, probe
@@ -106,7 +107,7 @@ def _identities(found: Found) -> list[str]:
         seconds = min(LONGEST_LEARNT, int(0.75 * info.duration) or 1)
         about = f"{info.duration:.1f} s, {info.width}x{info.height}"
         lines += [
-            f"  {quoted(name)}:",
+            f"  {quoted(as_name(name))}:",
             f"    clip: {quoted(info.path.name)}  # {about}",
             f"    seconds: {seconds}",
             '    consent: {by: "", reference: ""}',
@@ -133,7 +134,7 @@ def _dubs(found: Found) -> list[str]:
     stems = Counter(same_on_disk(recording.stem) for recording in found.recordings)
     for recording in found.recordings:
         clip = clip_of(recording.stem, found.clips)
-        keys = f"identity: {quoted(clip or only)}, audio: {quoted(recording.name)}"
+        keys = f"identity: {quoted(as_name(clip or only))}, audio: {quoted(recording.name)}"
         if clip is None and only and pair:
             found.pair(recording, only, ONLY)
             matched.append(f"- {{{keys}}}  # {ONLY}")
@@ -144,7 +145,7 @@ def _dubs(found: Found) -> list[str]:
             found.pair(recording, clip, NAMED)
             # The clip's name would stand twice in the default one.
             name = recording.stem if stems[same_on_disk(recording.stem)] == 1 else recording.name
-            matched.append(f"- {{name: {quoted(name)}, {keys}}}")
+            matched.append(f"- {{name: {quoted(as_name(name))}, {keys}}}")
     lines = ["dubs:", *(f"  {entry}" for entry in matched)]
     if unmatched:
         lines += ["  # These begin with no clip's name and a separator, or something is missing."]
@@ -164,7 +165,7 @@ def _scene(script: Path, found: Found, *, pair: bool) -> tuple[list[str], str]:
     alone = pair and len(found.clips) == len(found.scripts) == 1
     if clip is None and alone:
         clip = next(iter(found.clips))
-    keys = [f"name: {quoted(script.stem)}", f"lines: {quoted(script.name)}"]
+    keys = [f"name: {quoted(as_name(script.stem))}", f"lines: {quoted(script.name)}"]
     if clip is None:
         return keys, "  # fits no clip: fill in identity and audio"
     info = found.clips[clip]
@@ -178,8 +179,8 @@ def _scene(script: Path, found: Found, *, pair: bool) -> tuple[list[str], str]:
     if not speaker and len(names) > 1:
         there = ", ".join(map(quoted, names))
         return keys, f"  # fill in identity, or speakers; there are {there}"
-    who = f"speakers: {{{quoted(speaker)}: {quoted(clip)}}}"
-    keys.append(who if speaker else f"identity: {quoted(clip)}")
+    who = f"speakers: {{{quoted(speaker)}: {quoted(as_name(clip))}}}"
+    keys.append(who if speaker else f"identity: {quoted(as_name(clip))}")
     stems = {same_on_disk(script.stem + end) for end in ("", f"_{speaker}" if speaker else "")}
     sound = next((r for r in found.recordings if alone or same_on_disk(r.stem) in stems), None)
     if sound is None:

@@ -17,7 +17,7 @@ from dubbing.manifest.keys.entry import Entry
 from dubbing.manifest.keys.findings import Findings
 from dubbing.manifest.keys.identity_entry import Identity
 from dubbing.manifest.keys.messages import describe, plain, suggestion
-from dubbing.manifest.keys.values import check_name, place_of
+from dubbing.manifest.keys.values import as_name, check_name, place_of
 from dubbing.manifest.keys.yaml_lines import KeyPath
 from dubbing.production.production import WORK
 
@@ -266,6 +266,6 @@ def _of_file(name: str, document: yaml_lines.Document, path: KeyPath, message: s
 
 def _default_name(entry: Mapping[str, Any]) -> str:
     if "lines" in entry:
-        return Path(str(entry["lines"])).stem
+        return as_name(Path(str(entry["lines"])).stem)
     stem = Path(str(entry.get("audio", ""))).stem
-    return f"{entry.get('identity', '')}_{stem}"
+    return as_name(f"{entry.get('identity', '')}_{stem}")

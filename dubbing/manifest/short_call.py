@@ -7,6 +7,7 @@ from pathlib import Path
 
 from dubbing.engine.disk.files import atomic_write_text, make_folder
 from dubbing.errors import CallError, ManifestError
+from dubbing.manifest.keys.values import as_name
 from dubbing.manifest.keys.yaml_lines import quoted
 from dubbing.media import SUFFIX
 
@@ -62,7 +63,7 @@ def written(
 
 
 def _text(clip: Path, speech: Path, out: Path, by: str, reference: str) -> str:
-    person = quoted(clip.stem)
+    person = quoted(as_name(clip.stem))
     return (
         f"{HEADER}version: 1\noutput: .\nidentities:\n  {person}:\n"
         f"    clip: {quoted(_seen(clip, out))}\n"

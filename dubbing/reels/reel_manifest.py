@@ -12,7 +12,7 @@ from dubbing.manifest.init import HEADER, LONGEST_LEARNT, Found, clip_of, free_t
 from dubbing.manifest.keys.dub_entry import Dub
 from dubbing.manifest.keys.findings import Findings
 from dubbing.manifest.keys.messages import some
-from dubbing.manifest.keys.values import check_name
+from dubbing.manifest.keys.values import as_name, check_name
 from dubbing.manifest.keys.yaml_lines import quoted
 from dubbing.manifest.scenes.reels import of_film
 from dubbing.manifest.schema import shipped_uri
@@ -169,7 +169,7 @@ def _dub(
     Args:
         whose: by speaker, their identities that the shot shows.
     """
-    name, film = f"{clip}_{script.stem}", shot.info.path.name
+    name, film = as_name(f"{clip}_{script.stem}"), shot.info.path.name
     if not shot.lines:
         return [f"  # {film}: {shot.why_not}"]
     known = any(whose.values())

@@ -62,6 +62,20 @@ def check_path(path: Path) -> None:
         raise ValueError("its name is no UTF-8: rename the file or folder") from error
 
 
+def as_name(text: str) -> str:
+    """The name of a file as `check_name` takes it: `Screencast 10:47` has a colon, others are long.
+
+    Of a long one its beginning and its end are kept, where languages stand.
+    """
+    kept = "".join("-" if c in "/\\:" or not c.isprintable() else c for c in text)
+    kept = kept.lstrip(" .").rstrip()
+    data = kept.encode(errors="replace")
+    if len(kept) <= LONGEST_NAME and len(data) <= LONGEST_BYTES:
+        return kept
+    begin, end = (part.decode(errors="ignore").strip() for part in (data[:64], data[-32:]))
+    return f"{begin}-{end}"
+
+
 def check_name(value: Any) -> Any:
     """A name becomes file and folder names below the output folder."""
     if not isinstance(value, str):

@@ -8,6 +8,7 @@ import pytest
 from dubbing.errors import ManifestError
 from dubbing.manifest import init
 from dubbing.manifest.keys import yaml_lines
+from dubbing.manifest.manifest import load
 from dubbing.media import MediaInfo, probe
 from tests import clips
 
@@ -124,6 +125,18 @@ def test_two_recordings_of_one_name_are_two_dubs(tmp_path: Path) -> None:
     written = yaml_lines.read(init.write_manifest(tmp_path).read_text()).data
     named = ["shot1_de", "shot1_it.flac", "shot1_it.wav"]
     assert [dub["name"] for dub in written["dubs"]] == named
+
+
+def test_what_is_written_of_films_with_any_name_is_a_manifest(tmp_path: Path) -> None:
+    long = "A title as of a download, which goes on and on until nobody reads it to its end " * 2
+    for stem in ("Screencast 10:47", "tab\t", long):
+        clips.write_clip(tmp_path / f"{stem}.mp4", 30)
+        clips.write_sound(tmp_path / f"{stem}_it.wav", 1)
+    path = init.write_manifest(tmp_path)
+    path.write_text(path.read_text().replace('""', '"Ann Smith"'))
+    names = [*load(path).dubs]
+    assert len(names) == 3
+    assert "Screencast 10-47_it" in names
 
 
 def test_a_folder_whose_only_clip_cannot_be_read_says_why(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 import pytest
 
 from dubbing.engine.disk import files
-from dubbing.manifest.keys.values import check_name
+from dubbing.manifest.keys.values import as_name, check_name
 
 REFUSED = ("nul", "Con", "aux.it", "COM1", "lpt\u00b9", "who?", 'a"b', "a|b", "ends.")
 KEPT = ("null", "contract", "com", "coma.it", "a.b", "Ann's dub")
@@ -20,3 +20,17 @@ def test_a_name_that_windows_cannot_have_is_refused_there(
         return
     with pytest.raises(ValueError, match="on Windows: give another one"):
         check_name(name)
+
+
+@pytest.mark.parametrize("file", ["a.", "Ann's dub", "x" * 100, "\u65e5" * 70, "a\u0308"])
+def test_a_file_whose_name_may_be_one_keeps_it(file: str) -> None:
+    assert as_name(file) == check_name(file) == file
+
+
+def test_names_of_files_that_cannot_be_one_are_changed() -> None:
+    assert as_name("Screencast 10:47") == check_name("Screencast 10-47")
+    assert as_name(" .a\tb/c\\d ") == check_name("a-b-c-d")
+    for letter in ("x", "\u65e5"):
+        italian, german = (as_name(f"{letter * 150}_{language}") for language in ("it", "de"))
+        assert check_name(italian).endswith("_it")
+        assert check_name(german).endswith("_de")
