@@ -2,6 +2,7 @@
 
 import datetime
 import re
+import unicodedata
 from fractions import Fraction
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -41,13 +42,23 @@ def place_of(written: str, folder: Path) -> Path:
         ValueError: no such path is possible, or it may not be read.
     """
     try:
-        path = (folder / Path(written).expanduser()).resolve()
-        path.exists()
+        path = _on_disk((folder / Path(written).expanduser()).resolve())
         check_path(path)
     except (OSError, RuntimeError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise ValueError(f"cannot be a path: {reason}") from error
     return path
+
+
+def _on_disk(path: Path) -> Path:
+    """The file or folder of a path, also where a Mac wrote its accents in another form."""
+    if path.exists() or path == path.parent:
+        return path
+    folder, name = _on_disk(path.parent), unicodedata.normalize("NFC", path.name)
+    if name.isascii() or not folder.is_dir():
+        return folder / path.name
+    alike = (one for one in folder.iterdir() if unicodedata.normalize("NFC", one.name) == name)
+    return next(alike, folder / path.name)
 
 
 def check_path(path: Path) -> None:

@@ -1,9 +1,11 @@
 """Values of a manifest that depend on the system."""
 
+from pathlib import Path
+
 import pytest
 
 from dubbing.engine.disk import files
-from dubbing.manifest.keys.values import as_name, check_name
+from dubbing.manifest.keys.values import as_name, check_name, place_of
 
 REFUSED = ("nul", "Con", "aux.it", "COM1", "lpt\u00b9", "who?", 'a"b', "a|b", "ends.")
 KEPT = ("null", "contract", "com", "coma.it", "a.b", "Ann's dub")
@@ -34,3 +36,14 @@ def test_names_of_files_that_cannot_be_one_are_changed() -> None:
         italian, german = (as_name(f"{letter * 150}_{language}") for language in ("it", "de"))
         assert check_name(italian).endswith("_it")
         assert check_name(german).endswith("_de")
+
+
+@pytest.mark.parametrize(("there", "written"), [("a\u0308", "\u00e4"), ("\u00e4", "a\u0308")])
+def test_a_file_is_found_whatever_the_form_of_its_accents(
+    tmp_path: Path, there: str, written: str
+) -> None:
+    film = tmp_path / f"{there} folder" / f"{there}.mp4"
+    film.parent.mkdir()
+    film.touch()
+    assert place_of(f"{written} folder/{written}.mp4", tmp_path).samefile(film)
+    assert place_of(f"{written} folder/new.mp4", tmp_path) == film.with_name("new.mp4")
