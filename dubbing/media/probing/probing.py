@@ -64,8 +64,8 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
     heard = heard_tracks(tracks)
     if video is None and not heard:
         raise MediaError("neither picture nor sound in it", str(path))
-    packets = _visit(path, container, video, heard)
     zero = (container.start_time or 0) / av.time_base
+    packets = _visit(path, container, video, heard, zero)
     if "audio" not in packets.starts:
         heard = []  # a declared but empty track is no sound
     width = height = frames = 0
@@ -150,6 +150,7 @@ def _visit(
     container: av.container.InputContainer,
     video: av.video.stream.VideoStream | None,
     heard: list[Track],
+    zero: float,
 ) -> _Packets:
     packets = _Packets()
     floats = {track.index: FLOATS.get(_codec(path, track)) for track in heard}
@@ -166,7 +167,7 @@ def _visit(
             continue
         if packet.dts is not None:
             before = decoded.get(packet.stream.index, -inf)
-            decoded[packet.stream.index] = float(packet.dts * unit)
+            decoded[packet.stream.index] = float(packet.dts * unit) - zero
             check_order(path, before, decoded[packet.stream.index])
         kind = packet.stream.type
         if kind == "video" and packet.size > 0:

@@ -167,7 +167,7 @@ def test_files_joined_byte_by_byte_are_reported(tmp_path: Path, name: str) -> No
     assert media.probe(path).duration == pytest.approx(2, abs=0.1)
     path.write_bytes(2 * path.read_bytes())
     with pytest.raises(
-        MediaError, match=r"its time stamps begin anew after \d\.\d s, as of several files"
+        MediaError, match=r"its time stamps begin anew after [12]\.\d s, as of several files"
     ):
         media.probe(path)
 
