@@ -64,7 +64,10 @@ class Guard:
                 message = {**message, "headers": [*kept, *own]}
             await send(message)
 
-        refused = await self._refusal(request)
+        try:
+            refused = await self._refusal(request)
+        except ValueError:  # as of the host `[::1`
+            refused = PlainTextResponse("Its head has an address or a number that is none.", 400)
         await (refused or self.app)(scope, receive, sending)  # type: ignore[arg-type]
 
     async def _refusal(self, request: Request) -> Response | None:

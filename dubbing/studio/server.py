@@ -198,7 +198,7 @@ class Server:
 async def _json(request: Request) -> dict[str, Any]:
     try:
         given = json.loads(await request.body())
-    except ValueError:
+    except (ValueError, RecursionError):  # of thousands of brackets
         given = None
     if not isinstance(given, dict):
         raise HTTPException(400, "the request is no JSON object")

@@ -34,6 +34,10 @@ def test_nobody_without_the_token_sees_anything(stranger: TestClient) -> None:
         ({"origin": "http://evil.example"}, 403),
         ({"origin": "http://127.0.0.1:9999"}, 403),
         ({"origin": "null"}, 403),
+        ({"host": "[::1"}, 400),
+        ({"host": "[nobody]"}, 400),
+        ({"origin": "http://[::1"}, 400),
+        ({"content-length": "1" * 5000}, 400),
     ],
 )
 def test_other_pages_and_other_names_are_refused(

@@ -148,6 +148,7 @@ def test_bad_requests_are_refused_with_a_sentence(client: TestClient) -> None:
     for answer, code in (
         (client.put(line, content="{"), 400),
         (client.put(line, json=[]), 400),
+        (client.put(line, content="[" * 50_000), 400),
         (client.put(line, json={"edit": {}}), 400),
         (client.put(f"{DUB}/lines/nobody", json={"revision": "", "edit": {}}), 404),
         (client.put(line, json={"revision": big, "edit": {}}), 413),
