@@ -149,7 +149,9 @@ def opened(file: Path) -> Any:
         import OpenImageIO
     except ImportError as error:
         raise packages.lacking(["OpenImageIO"]) from error
-    source = OpenImageIO.ImageInput.open(str(file))
+    as_stored = OpenImageIO.ImageSpec()
+    as_stored.attribute("oiio:UnassociatedAlpha", 1)  # else colours are multiplied by opacity
+    source = OpenImageIO.ImageInput.open(str(file), as_stored)
     if source is None:
         raise MediaError("cannot be read", str(file), OpenImageIO.geterror() or "copy it again")
     if source.format_name() not in FORMATS:

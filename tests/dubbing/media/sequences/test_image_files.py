@@ -76,3 +76,18 @@ def test_negative_numbers_are_refused(tmp_path: Path) -> None:
         sequences.write_image(tmp_path / f"shot.{number:05d}.exr", GREY, rate=24)
     with pytest.raises(MediaError, match="numbers are 0 or more"):
         probe(tmp_path / "shot.####.exr")
+
+
+@pytest.mark.parametrize("kind", ["uint8", "uint16", "float"])
+def test_opacity_changes_no_colour(tmp_path: Path, kind: str) -> None:
+    """Of a matte beside straight colours, as a TIFF has it, they would be black where it is 0."""
+    values = np.random.default_rng(0).random((8, 9, 4), np.float32)
+    values[:4, :, 3] = 0
+    stored = values if kind == "float" else (values * np.iinfo(kind).max).astype(kind)
+    header = OpenImageIO.ImageSpec(9, 8, 4, kind)
+    header.attribute("oiio:UnassociatedAlpha", 1)
+    image_files.write_image(tmp_path / "a.tif", stored, header)
+    image = image_files.read_image(tmp_path / "a.tif")
+    np.testing.assert_array_equal(image.stored, stored)
+    image_files.write_image(tmp_path / "b.tif", image.stored, image.header)
+    np.testing.assert_array_equal(image_files.read_image(tmp_path / "b.tif").stored, stored)
