@@ -61,7 +61,9 @@ class Findings:
     def look(self, path: Path, key: KeyPath) -> MediaInfo | None:
         """Probe a file once. One that is missing is a problem; one that is damaged is kept."""
         if not is_there(path):
-            self.add(key, f"no such file: {plain(path)}")
+            others = "#" in path.name or "%0" in path.name
+            kinds = "; an image sequence is EXR, DPX or TIFF" if others else ""
+            self.add(key, f"no such file: {plain(path)}{kinds}")
             return None
         if path not in self.media and path not in self.damaged:
             try:

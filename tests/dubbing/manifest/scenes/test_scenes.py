@@ -399,6 +399,7 @@ def test_an_identity_of_several_clips(folder: Path) -> None:
         (("clip: tc.mov", "label: true"), "dubs[0].clip: is required: ann has 2 clips"),
         (("clip: tc.mov", "clip: other.mp4"), "is no clip of ann"),
         (("tc.mov]", "no.mp4]"), "identities.ann.clips[1]: no such file"),
+        (("tc.mov]", "'a.####.png']"), "a.####.png; an image sequence is EXR, DPX or TIFF"),
         (("clips: [film.mp4, tc.mov]", "clips: []"), "identities.ann.clips"),
         (("clips: [", "clip: film.mp4, clips: ["), "give either clip or clips"),
     ):
