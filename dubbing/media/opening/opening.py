@@ -87,7 +87,8 @@ def picture_of(path: Path | str, zero: float, begin: float, **options: Any) -> S
 
     ``zero``: see `MediaInfo.zero`; options seek to ``begin``, where it is not 0.
     """
-    return source(path, copyts=None, **options).video.filter("setpts", _since(zero, begin))
+    picture = source(path, copyts=None, **options)["V:0"]  # V: but for pictures of a cover
+    return picture.filter("setpts", _since(zero, begin))
 
 
 def in_time(picture: Stream, late: float) -> Stream:

@@ -1,4 +1,4 @@
-"""Which tracks of a file are heard."""
+"""Which tracks of a file are seen and heard."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from dubbing import media
+from dubbing.media.opening.opening import opened
 from tests import clips
 
 pytestmark = pytest.mark.medium
@@ -82,6 +83,25 @@ def test_the_tracks_that_are_heard(tmp_path: Path, case: str, suffix: str) -> No
     out = tmp_path / "out.mkv"  # ... and so it goes into a result
     media.mux(path, path, out, audio_start=0.1, seconds=0.8, audio_codec="flac")
     assert tones(out) == heard
+
+
+def test_a_film_whose_file_begins_with_a_cover(tmp_path: Path) -> None:
+    """As of a shop, with its tags before its tracks."""
+    plain, cover = clips.write_clip(tmp_path / "a.mp4", 10), tmp_path / "cover.png"
+    path = tmp_path / "film.mp4"
+    clips.ffmpeg("-f", "lavfi", "-i", "color=red:s=32x32", "-frames:v", "1", cover)
+    maps = ("-map", "0", "-map", "1", "-c", "copy", "-disposition:v:1", "attached_pic")
+    clips.ffmpeg("-i", plain, "-i", cover, *maps, path)
+    content = path.read_bytes()
+    tags, track = content.rindex(b"udta") - 4, content.index(b"trak") - 4
+    end = tags + int.from_bytes(content[tags : tags + 4], "big")
+    assert end == len(content)
+    path.write_bytes(content[:track] + content[tags:] + content[track:tags])
+    with opened(path) as container:
+        assert [video.width for video in container.streams.video] == [32, 64]
+    assert [clips.number(frame) for frame in media.read_frames(path)] == list(range(10))
+    media.proxy(path, tmp_path / "proxy.mp4", {})
+    assert media.probe(tmp_path / "proxy.mp4").frames == 10
 
 
 def test_a_commentary_by_the_name_of_its_track(tmp_path: Path) -> None:
