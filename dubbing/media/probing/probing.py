@@ -165,16 +165,16 @@ def _visit(
         packets.last = max(packets.last, end)  # of any stream
         if packet.stream.index not in wanted:
             continue
-        if packet.dts is not None:
-            before = decoded.get(packet.stream.index, -inf)
-            decoded[packet.stream.index] = float(packet.dts * unit) - zero
-            check_order(path, before, decoded[packet.stream.index])
         kind = packet.stream.type
         if kind == "video" and packet.size > 0:
             packets.pictures += 1
             packets.untimed += packet.pts is None and packet.dts is None
         elif (kept := floats.get(packet.stream.index)) is not None and packet.size > 0:
             packets.peak = max(packets.peak, _peak(path, packet, kept))
+        if packet.dts is not None and not packet.is_discard:
+            before = decoded.get(packet.stream.index, -inf)
+            decoded[packet.stream.index] = float(packet.dts * unit) - zero
+            check_order(path, before, decoded[packet.stream.index])
         if packet.pts is None or packet.is_discard or not unit:
             continue
         packets.starts[kind] = min(packets.starts.get(kind, at), at)

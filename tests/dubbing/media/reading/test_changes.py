@@ -1,5 +1,6 @@
 """Films whose picture or sound changes on the way: calls over a network, parts put together."""
 
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -63,3 +64,22 @@ def test_sound_that_changes_is_refused(tmp_path: Path, change: tuple[str, str]) 
         media.read_audio(tmp_path / "sound.ts")
     for block in media.iter_channels(parts[0], rate=48000, channels=2):
         assert block.shape[1] == 2
+
+
+def test_a_film_put_together_by_an_edit_list_is_whole(tmp_path: Path) -> None:
+    """Frames before a part, from its key frame on, are decoded and not shown: times go back."""
+    plain, path = clips.write_video(tmp_path / "plain.mkv", 50, codec="ffv1"), tmp_path / "a.mp4"
+    clips.ffmpeg("-i", plain, "-c:v", "libx264", "-bf", "0", "-pix_fmt", "yuv420p", path)
+    content = bytearray(path.read_bytes())
+    at = content.index(b"elst")
+    each = int.from_bytes(content[at + 12 : at + 16], "big") // 50  # of the film's clock a frame
+    parts = [(20, 0), (20, 30)]  # frames, from one on; of its own clock 512 a frame
+    entries = b"".join(struct.pack(">IiI", n * each, first * 512, 1 << 16) for n, first in parts)
+    content[at + 8 : at + 24] = len(parts).to_bytes(4, "big") + entries
+    for box in (b"moov", b"trak", b"edts", b"elst"):
+        start = content.index(box) - 4
+        size = int.from_bytes(content[start : start + 4], "big") + len(entries) - 12
+        content[start : start + 4] = size.to_bytes(4, "big")
+    path.write_bytes(content)
+    shown = [clips.number(frame) for frame in media.read_frames(path)]
+    assert shown == [*range(20), *range(30, 50)]
