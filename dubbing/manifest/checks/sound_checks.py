@@ -130,7 +130,9 @@ def of_tracks(findings: Findings, info: MediaInfo) -> None:
         count = 1 + info.unseen_tracks
         findings.warn(f"{info.name}: of its {count} video tracks number 1 alone is seen")
     if info.primed:
-        what = "AAC in an AVI may be late by 20 to 50 ms, of which nothing in it says how many"
+        what = (
+            "AAC in an AVI, or by itself, may be late by 20 to 50 ms; nothing in it says how many"
+        )
         findings.warn(f"{info.name}: {what}; check that it is in sync, or give the recording")
     heard = [str(track + 1) for track in info.audio_tracks]
     if info.audio_rate is None or (len(heard) == 1 and not info.unheard_tracks):

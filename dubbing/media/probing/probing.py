@@ -115,7 +115,8 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
         centre=_centre(heard),
         peak=packets.peak,
         late=late,
-        primed=container.format.name == AVI and any(_codec(path, t) == "aac" for t in heard),
+        primed=container.format.name in (AVI, "aac")
+        and any(_codec(path, t) == "aac" for t in heard),
     )
 
 

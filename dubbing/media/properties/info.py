@@ -53,7 +53,7 @@ class MediaInfo:
         late: seconds after which ffmpeg's decoder gives the first frame of an AVI, which has no
             times of display. All of them are late by that.
         primed: whether its sound may be late by the silence that an encoder begins with (AAC: from
-            21 ms on): an AVI does not say how much that is.
+            21 ms on): an AVI does not say how much that is, nor AAC by itself.
         timecode: of the first frame, as ``01:00:00:00``; '' where the file has none.
         timecode_count: timecodes a second, where they are not those of the frame rate: high rates
             often have half of them.

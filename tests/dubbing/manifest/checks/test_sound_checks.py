@@ -49,6 +49,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     clips.ffmpeg("-i", film, "-i", tone_file, *seen, place / "angles.mov")
     priming = ("-af", "asetpts=PTS+1024")  # else the picture begins later
     clips.ffmpeg("-i", film, "-c:v", "mpeg4", "-c:a", "aac", *priming, place / "old.avi")
+    clips.ffmpeg("-i", place / "plain.wav", "-t", "2.5", place / "raw.aac")
     (place / "it.srt").write_text(SRT)
     return place
 
@@ -80,7 +81,8 @@ CASES = [
     (SCENE + "half.wav", "film.mp4", ["nothing can be heard in the sound of lines 2: mouths"]),
     (WHOLE + "plain.wav", "two.mov", ["two.mov: tracks 1, 2 of 2 are heard as the channels"]),
     (WHOLE + "plain.wav", "angles.mov", ["angles.mov: of its 2 video tracks number 1 alone is"]),
-    (WHOLE + "plain.wav", "old.avi", ["old.avi: AAC in an AVI may be late by 20 to 50 ms"]),
+    (WHOLE + "plain.wav", "old.avi", ["old.avi: AAC in an AVI, or by itself, may be late"]),
+    (WHOLE + "raw.aac", "film.mp4", ["raw.aac: AAC in an AVI, or by itself, may be late"]),
     (WHOLE + "plain.wav", "later.mov", ["later.mov: of its 2 tracks of sound number 2 alone"]),
     (
         WHOLE + "long.wav",
