@@ -48,6 +48,7 @@ RIM = 5  # px round the face that are rendered
 MUCH, AWRY = 70, 0.1  # percent, logarithm: with so much beyond that, the head lies beside the face
 AT_ONCE = 8
 EYE_OUTERS = LEFT_EYE_OUTER, RIGHT_EYE_OUTER
+OTHER_SKIN = 20.0  # of CIELAB: a lower face that differs more from the upper one is no skin
 ZOOMED = 0.8  # of what the eyes' distance says: below 1 it is chance
 
 
@@ -115,9 +116,13 @@ def compare(
     lips = dilate(lip_region(points, side)[:H, :W], LIPS * EYES)
     solid = (alpha > OPAQUE) & face
     grade = measured(np.maximum(picture - haze, 0), head, solid)
+    bare = solid & ~lips
+    if _tint(picture, head, bare & lower, bare & ~lower) > OTHER_SKIN:
+        # What a mask over mouth and chin does to colours is no grade, and no light.
+        grade, bare = np.full(4, np.nan), bare & ~lower
     head = graded_colours(head, noticed(grade))
     ratio = np.log(picture + DARK) - np.log(head + DARK)
-    middle = np.median(ratio[solid & ~lips], 0) if (solid & ~lips).any() else np.zeros(3)
+    middle = np.median(ratio[bare], 0) if bare.any() else np.zeros(3)
     weight = (solid & ~lips) / (1 + (np.abs(ratio - middle).max(-1) / OUTLIER) ** 4)
     light, around = (
         cv2.GaussianBlur(x.astype(np.float32), (0, 0), LIGHT)
@@ -130,6 +135,18 @@ def compare(
     seen = beside & lower, lips & lower, beside, nose_region(points, side)[:H, :W]
     of_lips = lip_colour.measured(rest * solid[..., None], points[[*OUTER_LIP, *INNER_LIP]])
     return Compared(picture, apart, *seen, grade=grade, lip_colour=of_lips)
+
+
+def _tint(picture: np.ndarray, head: np.ndarray, one: np.ndarray, other: np.ndarray) -> float:
+    """By how much more a and b of CIELAB differ between two places (H, W) bool than in a head."""
+    if not one.any() or not other.any():
+        return 0.0
+    film, own = (
+        np.subtract(*(np.median(lab[place, 1:], 0) for place in (one, other)))
+        for image in (picture, head)
+        for lab in [cv2.cvtColor(image.astype(np.float32) / 255, cv2.COLOR_RGB2LAB)]
+    )
+    return float(np.linalg.norm(film - own))
 
 
 @dataclass(frozen=True)

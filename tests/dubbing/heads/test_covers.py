@@ -102,6 +102,27 @@ def test_a_shadow_on_a_part_of_a_face_is_no_thing(edge: float) -> None:
     assert found(thing) > 50
 
 
+def test_a_mask_over_mouth_and_chin_is_no_grade() -> None:
+    size = 256
+    rows, columns = np.mgrid[:size, :size] / size
+    shading = 1 + 0.15 * np.sin(9 * columns) * np.cos(7 * rows)
+    head = (shading[..., None] * np.array(SKIN) / 255).astype(np.float32)
+    image = (255 * head).round().astype(np.uint8)
+    masked = image.copy()
+    pleats = 1 + 0.1 * np.sin(60 * rows)[..., None]
+    masked[120:] = (pleats * (150, 190, 215))[120:].round()
+
+    def seen(film: np.ndarray) -> Compared:
+        return compare(film, fakes.talking_face(size), head, np.ones((size, size)), np.zeros(3))
+
+    none = np.zeros((H, W), np.float32)
+    assert not unexplained(seen(image), none).any()
+    assert np.isfinite(seen(image).grade).all()
+    covered = seen(masked)
+    assert np.isnan(covered.grade).all()
+    assert unexplained(covered, none)[covered.known].mean() > 0.3  # seeds of a cut by colours
+
+
 def test_what_the_head_explains_is_not_covered(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
