@@ -6,7 +6,7 @@ import av
 
 from dubbing.errors import MediaError
 from dubbing.media.opening.opening import opened
-from dubbing.media.properties.colour import colour_of, dynamic_metadata
+from dubbing.media.properties.colour import colour_of, dynamic_metadata, unread
 from dubbing.media.properties.info import Picture
 from dubbing.media.properties.native import PixelFormat
 
@@ -30,6 +30,9 @@ def picture_of(path: Path, video: av.video.stream.VideoStream) -> tuple[Picture,
         raise MediaError(what, str(path), "convert it to .mp4 or .mov") from error
     if not isinstance(frame, av.VideoFrame):
         raise MediaError("no frame of it can be decoded", str(path), "is the file complete?")
+    if colours := unread(frame):
+        what = f"its colours are tagged as {colours}, which cannot be read"
+        raise MediaError(what, str(path), "convert it to BT.709, or correct its tags")
     width, height = frame.width, frame.height
     aspect = video.sample_aspect_ratio
     if aspect:

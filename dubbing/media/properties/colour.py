@@ -6,15 +6,22 @@ from typing import Any
 
 import av
 
-MATRICES = {1: "bt709", 5: "bt601", 6: "bt601", 9: "bt2020", 10: "bt2020"}
+MATRICES = {1: "bt709", 5: "bt601", 6: "bt601", 9: "bt2020"}
+# What ffmpeg makes no RGB of: matrices, and transfers.
+UNREAD = {
+    **{8: "YCgCo", 10: "BT.2020 of constant luminance", 11: "SMPTE 2085", 14: "ICtCp", 15: "IPT"},
+    **dict.fromkeys((12, 13), "a matrix derived from its primaries"),
+    **dict.fromkeys((16, 17), "YCgCo-R"),
+}
+LOGARITHMIC = (9, 10)
 PRIMARIES = {
     **{1: "bt709", 4: "bt470m", 5: "bt470bg", 6: "smpte170m", 7: "smpte240m"},
-    **{9: "bt2020", 11: "smpte431", 12: "smpte432"},
+    **{8: "film", 9: "bt2020", 10: "smpte428", 11: "smpte431", 12: "smpte432"},
 }
 TRANSFERS = {
-    **{1: "bt709", 4: "gamma22", 5: "gamma28", 6: "smpte170m", 7: "smpte240m", 8: "linear"},
-    **{13: "iec61966-2-1", 14: "bt2020-10", 15: "bt2020-12", 16: "smpte2084"},
-    18: "arib-std-b67",
+    **{1: "bt709", 4: "bt470m", 5: "bt470bg", 6: "smpte170m", 7: "smpte240m", 8: "linear"},
+    **{11: "iec61966-2-4", 12: "bt1361e", 13: "iec61966-2-1", 14: "bt2020-10", 15: "bt2020-12"},
+    **{16: "smpte2084", 17: "smpte428", 18: "arib-std-b67"},
 }
 # Primaries and transfer where a file names none, by its matrix; and names of the matrix in files.
 DEFAULTS = {
@@ -92,6 +99,12 @@ def colour_of(frame: av.VideoFrame) -> Colour:
         _mastering(static.get("MASTERING_DISPLAY_METADATA", b"")),
         _light(static.get("CONTENT_LIGHT_LEVEL", b"")),
     )
+
+
+def unread(frame: av.VideoFrame) -> str:
+    """What a decoded frame says of its colours that cannot be read, in words; '' else."""
+    logarithmic = "a logarithmic transfer" if int(frame.color_trc) in LOGARITHMIC else ""
+    return UNREAD.get(int(frame.colorspace), logarithmic)
 
 
 def dynamic_metadata(frame: av.VideoFrame) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from fractions import Fraction
 from pathlib import Path
 
@@ -9,8 +10,10 @@ import numpy as np
 import pytest
 
 from dubbing import media
+from dubbing.errors import MediaError
 from dubbing.media.probing.fields import is_flagged
-from dubbing.media.properties.colour import Colour
+from dubbing.media.properties.colour import PRIMARIES, TRANSFERS, Colour
+from dubbing.media.properties.native import YUV420
 from tests import clips
 
 pytestmark = pytest.mark.medium
@@ -100,3 +103,31 @@ def test_what_is_not_kept_is_seen(tmp_path: Path) -> None:
     assert is_flagged(fields)
     slim = write(tmp_path / "a.mp4", "-c:v", "libx264", "-vf", "setsar=4/3")
     assert not media.probe(slim).picture.square  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize("codec", ["ffv1", "hevc"])
+def test_every_tag_is_written_as_it_is_read(tmp_path: Path, codec: str) -> None:
+    """A transfer of PAL had a name that ffmpeg does not know: the dub failed."""
+    primaries, transfers = (list(names.values()) for names in (PRIMARIES, TRANSFERS))
+    black = YUV420.black(64, 48, Colour())
+    for one, other in itertools.zip_longest(primaries, transfers, fillvalue="bt709"):
+        colour = Colour("bt709", one, other)
+        path = tmp_path / f"{one}-{other}{media.SUFFIX[codec]}"
+        with media.VideoWriter(path, 64, 48, Fraction(25), codec, colour, YUV420) as video:
+            video.write(black)
+        assert media.probe(path).colour == colour
+
+
+@pytest.mark.parametrize(
+    ("tag", "words"),
+    [
+        ("matrix_coefficients=8", "YCgCo, which cannot be read"),
+        ("matrix_coefficients=10", "BT.2020 of constant luminance"),
+        ("transfer_characteristics=9", "a logarithmic transfer"),
+    ],
+)
+def test_colours_that_cannot_be_read_are_refused(tmp_path: Path, tag: str, words: str) -> None:
+    plain, path = write(tmp_path / "a.mp4", *tagged(Colour())), tmp_path / "b.mp4"
+    clips.ffmpeg("-i", plain, "-c", "copy", "-bsf:v", f"h264_metadata={tag}", path)
+    with pytest.raises(MediaError, match=words):
+        media.probe(path)
