@@ -33,6 +33,7 @@ TAGS = {"bt709": "bt709", "bt601": "smpte170m", "bt2020": "bt2020nc"}
 # Rationals of x and y of red, green, blue and white, lowest and highest luminance, what is given.
 MASTERING, LIGHT = Struct("<22i"), Struct("<2I")
 RGB, FULL = 0, 2  # AVCOL_SPC_RGB, AVCOL_RANGE_JPEG
+PAL, PAL_LINES = 5, 576  # AVCOL_SPC_BT470BG, and as primaries
 # Colour spaces of OpenColorIO by transfer and primaries.
 SPACES = {
     ("smpte2084", "smpte432"): "ST2084-P3-D65 - Display",
@@ -90,6 +91,8 @@ def colour_of(frame: av.VideoFrame) -> Colour:
     larger = max(frame.width, frame.height) >= 1280 or int(frame.colorspace) == RGB
     matrix = MATRICES.get(int(frame.colorspace), "bt709" if larger else "bt601")
     primaries, transfer = DEFAULTS[matrix]
+    if matrix == "bt601" and (int(frame.colorspace) == PAL or frame.height == PAL_LINES):
+        primaries = PRIMARIES[PAL]
     static = _side_data(frame)
     return Colour(
         matrix,

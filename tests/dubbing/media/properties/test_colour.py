@@ -131,3 +131,22 @@ def test_colours_that_cannot_be_read_are_refused(tmp_path: Path, tag: str, words
     clips.ffmpeg("-i", plain, "-c", "copy", "-bsf:v", f"h264_metadata={tag}", path)
     with pytest.raises(MediaError, match=words):
         media.probe(path)
+
+
+@pytest.mark.parametrize(
+    ("size", "tags", "primaries"),
+    [
+        ("720x576", (), "bt470bg"),
+        ("720x480", (), "smpte170m"),
+        ("1280x720", (), "bt709"),
+        ("64x48", ("-bsf:v", "h264_metadata=matrix_coefficients=5"), "bt470bg"),
+        ("720x576", ("-bsf:v", "h264_metadata=colour_primaries=6"), "smpte170m"),
+    ],
+)
+def test_primaries_that_no_tag_names(
+    tmp_path: Path, size: str, tags: tuple[str, ...], primaries: str
+) -> None:
+    bars = f"testsrc2=size={size}:rate=25:duration=0.04"
+    plain = write(tmp_path / "a.mp4", "-c:v", "libx264", "-pix_fmt", "yuv420p", bars=bars)
+    clips.ffmpeg("-i", plain, "-c", "copy", *tags, tmp_path / "b.mp4")
+    assert media.probe(tmp_path / "b.mp4").colour.primaries == primaries
