@@ -140,7 +140,7 @@ def test_frames_go_through_the_compositor_of_a_dub(
         (frame,) = composer.read_frames(clip, np.array([index]))
         face = composer.Face(clip, frame, to_rgba(k, 0), 1.0)
         whole, _ = composer.with_faces(frame.whole, [face], index)
-        x0, y0, side = (int(v) for v in clip.crop[index])
+        x0, y0, side, _ = (int(v) for v in clip.crop[index])
         assert np.array_equal(dub, whole[y0 : y0 + side, x0 : x0 + side])
         assert np.array_equal(film, frame.image)
         assert not np.array_equal(dub, film)
