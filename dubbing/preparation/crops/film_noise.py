@@ -20,6 +20,8 @@ FACE = (0.35, 0.65)  # of the window's sides: surely face
 LEAST_BLOCKS = 20
 ROWS = 48  # of blocks that are enough
 NUMBERS = 5
+GOES_ON = 0.5  # correlation of neighbouring blocks' lines, from which on they are lines of the film
+MOST = 3.0  # median deviations of a line that count: things that move differ by more
 CHANNELS = ((0, 1), (0, 2), (1, 2))  # pairs of them
 
 
@@ -69,7 +71,7 @@ def measured(before: np.ndarray, after: np.ndarray) -> np.ndarray | None:
     like_skin = np.abs(block_means(after).mean(-1) - brightness) < LIKE_SKIN * brightness
     if like_skin.sum() < LEAST_BLOCKS:
         return None
-    apart = cv2.subtract(after, before, dtype=cv2.CV_32F)
+    apart = without_lines(cv2.subtract(after, before, dtype=cv2.CV_32F))
     grey = cv2.transform(apart, np.full((1, 3), 1 / 3, np.float32))
     variance = block_means(grey * grey) - block_means(grey) ** 2
     least, most, typical = np.percentile(variance[like_skin], [LOW, HIGH, QUANTILE])
@@ -85,6 +87,26 @@ def measured(before: np.ndarray, after: np.ndarray) -> np.ndarray | None:
     pairs = [(chosen[:, :, 1:], chosen[:, :, :-1]), (chosen[:, 1:], chosen[:, :-1])]
     beside = np.mean([correlation(a, b) for a, b in pairs])
     return np.array([*np.sqrt(own), np.clip(shared, 0, 1), np.clip(beside, 0, 0.95)])
+
+
+def without_lines(apart: np.ndarray) -> np.ndarray:
+    """Differences of two frames (H, W, 3) less the lines that go on from block to block.
+
+    The scan lines of a filmed screen and the bands of a lamp differ from frame to frame, and are no
+    noise. Rows and columns are asked one after the other.
+    """
+    for axis in (0, 1):
+        lines = apart.swapaxes(0, axis)
+        blocks = lines.reshape(-1, BLOCK, lines.shape[1] // BLOCK, BLOCK, 3)
+        means = blocks.mean(3, keepdims=True)
+        means = means - means.mean(1, keepdims=True)
+        grey = means[..., 0, :].mean(-1)
+        grey = np.clip(grey, *(MOST * np.median(np.abs(grey)) * np.array([-1, 1])))
+        if correlation(grey[:, :, 1:], grey[:, :, :-1]) > GOES_ON:
+            # What is subtracted holds an eighth of the noise, too.
+            rest = (blocks - means) * ((BLOCK + 1) / BLOCK) ** 0.5
+            apart = rest.reshape(lines.shape).swapaxes(0, axis)
+    return np.ascontiguousarray(apart)
 
 
 def correlation(one: np.ndarray, other: np.ndarray) -> float:

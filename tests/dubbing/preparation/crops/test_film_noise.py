@@ -46,6 +46,17 @@ def test_things_that_move_are_no_noise() -> None:
     np.testing.assert_allclose(found[:3], 4, rtol=0.15)
 
 
+@pytest.mark.parametrize("upright", [False, True])
+def test_lines_of_a_filmed_screen_are_no_noise(upright: bool) -> None:
+    lines = [20 * np.sin(np.arange(S) * np.pi / 1.5 + t)[:, None, None] for t in (0, 1)]
+    if upright:
+        lines = [line.swapaxes(0, 1) for line in lines]
+    found = measured(noisy(even() + lines[0], 1), noisy(even() + lines[1], 2))
+    assert found is not None
+    np.testing.assert_allclose(found[:3], 4, rtol=0.12)
+    assert found[3] < 0.1
+
+
 def test_what_channels_and_neighbours_share() -> None:
     grey = measured(noisy(even(), 1, shared=1.0), noisy(even(), 2, shared=1.0))
     coarse = measured(noisy(even(), 1, sigma=0.8), noisy(even(), 2, sigma=0.8))
